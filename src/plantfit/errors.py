@@ -1,0 +1,127 @@
+"""Every error that plantfit raises on purpose, and the ways a run can end.
+
+    PlantfitError
+      RecordingError      a file or signal that cannot be used as it is
+      UnitError           a unit that does not exist or does not fit
+      ModelError          a model that contradicts itself
+        EquationError     a place in the text of an equation
+      SpaceError          parameters: bounds, scales, ties, values outside
+      SpecError           a key or value of a study file
+      SearchError         a method, setting or budget that cannot work
+      SimulationError     a model that cannot be simulated at these values
+      StoreError          the study database: missing, locked, full, damaged
+      MissingExtra        an optional package is not installed
+      Interrupted         stopped by the user; what was finished is kept
+
+Messages are one sentence that names file, place and value, then what to do.
+"""
+
+import enum
+
+
+class PlantfitError(Exception):
+    """Base of all errors meant for a user; `exit_code` is what the command line returns."""
+
+    exit_code = 2
+
+
+class RecordingError(PlantfitError):
+    """A file or signal cannot be used as it is."""
+
+    exit_code = 3
+
+
+class UnitError(PlantfitError):
+    """A unit does not exist or does not fit."""
+
+    exit_code = 4
+
+
+class ModelError(PlantfitError):
+    """A model contradicts itself."""
+
+    exit_code = 5
+
+
+class EquationError(ModelError):
+    """A place in the text of an equation; shows the line with a caret under the character.
+
+    `line` and `column` count from 0 within `text`.
+    """
+
+    def __init__(self, message: str, text: str = "", line: int = 0, column: int = 0):
+        self.reason, self.text, self.line, self.column = message, text, line, column
+        shown = message
+        if text:
+            source = text.split("\n")[line]
+            shown = f"{message}\n    {source}\n    {' ' * column}^"
+        super().__init__(shown)
+
+
+class SpaceError(PlantfitError):
+    """Bounds, scales, ties or values of parameters are wrong."""
+
+    exit_code = 6
+
+
+class SpecError(PlantfitError):
+    """A key or value of a study file is wrong."""
+
+    exit_code = 7
+
+
+class SearchError(PlantfitError):
+    """A method, setting or budget cannot work."""
+
+    exit_code = 8
+
+
+class SimulationError(PlantfitError):
+    """A model cannot be simulated at these values."""
+
+    exit_code = 9
+
+
+class StoreError(PlantfitError):
+    """The study database is missing, locked, full or damaged."""
+
+    exit_code = 10
+
+
+class MissingExtra(PlantfitError):
+    """An optional package is not installed."""
+
+    exit_code = 11
+
+
+class Interrupted(PlantfitError):
+    """Stopped by the user; what was finished is kept."""
+
+    exit_code = 130
+
+
+class Status(enum.StrEnum):
+    """How a run ended; `sentence` says it to a person."""
+
+    running = "running"
+    converged = "converged"
+    budget = "budget"
+    stagnated = "stagnated"
+    target = "target"
+    interrupted = "interrupted"
+    failed = "failed"
+
+    @property
+    def sentence(self) -> str:
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.running: "The run has not ended yet.",
+    Status.converged: "The method met its own tolerance.",
+    Status.budget: "The budget of evaluations was spent.",
+    Status.stagnated: "No better point was found for long enough to stop.",
+    Status.target: "The target cost was reached.",
+    Status.interrupted: "The run was stopped and can be resumed.",
+    Status.failed: "No candidate of the run could be simulated.",
+}

@@ -1,0 +1,83 @@
+"""What a model is: declared names with units, and pure functions on named values."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from plantfit.errors import ModelError
+
+Named = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A parameter as the model knows it: a default that the study may override.
+
+    `bounds` are in `unit`; None means that the study must give them. `value` is set for constants
+    that the data are not asked about. `nominal` is a typical value, never a start of the search.
+    """
+
+    name: str
+    unit: str | None = None
+    bounds: tuple[float, float] | None = None
+    scale: Literal["linear", "log"] = "linear"
+    value: float | None = None
+    sentence: str = ""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """A delayed copy of an input: `channel` holds input(t - parameter), the parameter in seconds."""
+
+    channel: str
+    input: str
+    parameter: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant as equations.
+
+    `derivative(x, u, p)` gives d/dt of every state, `output(x, u, p)` every output and
+    `initial_state(p, u0, y0)` every state at the first sample; all take and give mappings from
+    names to jax scalars (or arrays of one common shape) and must be pure and differentiable.
+    `u` holds the inputs, the channels of `delays`, and time in seconds as "t". A model without
+    states has `derivative=None` and is a static function.
+
+    Units are strings for `plantfit.units`; None means unknown and is not checked.
+    `smooth` False marks a right-hand side with kinks that a step-size check should expect.
+    """
+
+    name: str
+    states: Mapping[str, str | None]
+    inputs: Mapping[str, str | None]
+    outputs: Mapping[str, str | None]
+    parameters: tuple[Declared, ...]
+    output: Callable[[Named, Named, Named], Named]
+    derivative: Callable[[Named, Named, Named], Named] | None = None
+    initial_state: Callable[[Named, Named, Named], Named] | None = None
+    delays: tuple[Delay, ...] = ()
+    sentence: str = ""
+    source: str = ""
+    text: str | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        names = [*self.states, *self.inputs, *self.outputs, *(p.name for p in self.parameters)]
+        twice = sorted({n for n in names if names.count(n) > 1} - (set(self.states) & set(self.outputs)))
+        if twice:
+            raise ModelError(f"Model {self.name!r}: the name {twice[0]!r} is declared twice; give each signal and parameter its own name.")
+        if self.states and self.derivative is None:
+            raise ModelError(f"Model {self.name!r} has states but no derivative; give derivative(x, u, p).")
+        known = {p.name for p in self.parameters}
+        for delay in self.delays:
+            if delay.input not in self.inputs:
+                raise ModelError(f"Model {self.name!r} delays {delay.input!r}, which is not one of its inputs {list(self.inputs)}.")
+            if delay.parameter not in known:
+                raise ModelError(f"Model {self.name!r} delays by {delay.parameter!r}, which is not one of its parameters {sorted(known)}.")
+
+    def declared(self, name: str) -> Declared:
+        """The declaration of one parameter."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise ModelError(f"Model {self.name!r} has no parameter {name!r}; it has {[p.name for p in self.parameters]}.")

@@ -1,0 +1,115 @@
+"""What an optimizer is and what it may see: a unit cube and numbers.
+
+Two shapes share one registry and one result type. A `Population` method is a frozen record of
+settings with pure functions, so that the loop can vmap it over runs. A `Host` method drives
+itself (scipy, tree of populations) and counts its evaluations through the `Counter` it is given.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from jax import Array
+
+from plantfit.errors import Status
+
+State = Any
+Info = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Capabilities as data: the loop refuses a method whose needs the objective cannot meet."""
+
+    gradient: bool = False
+    residuals: bool = False
+    schedule_bound: bool = False  # needs the budget at init; runs of different budgets are not comparable
+    raw_box: bool = False  # reads Facts.lower and Facts.upper (literal salp swarm only)
+    minimum_population: int = 1
+
+
+class Facts(NamedTuple):
+    """What an optimizer may know at its start."""
+
+    dimension: int
+    budget: int
+    lower: np.ndarray | None = None
+    upper: np.ndarray | None = None
+
+
+class Population(Protocol):
+    """Pure ask/tell on the unit cube; `needs` is a class attribute, settings are frozen fields."""
+
+    needs: Needs
+
+    def population(self, facts: Facts) -> int:
+        """Rows that `ask` returns, fixed for the run."""
+        ...
+
+    def init(self, key: Array, facts: Facts) -> State:
+        """A pytree of fixed-shape arrays."""
+        ...
+
+    def ask(self, key: Array, state: State) -> tuple[Array, State]:
+        """Candidates (population, dimension) inside [0, 1]."""
+        ...
+
+    def tell(self, state: State, x: Array, f: Array) -> tuple[State, Info]:
+        """Take the costs (population,); not-finite ones arrive as +inf. Info["stop"] may be a bool."""
+        ...
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A cost over the unit cube, with whatever derivatives it has.
+
+    `costs` maps (n, d) to (n,), is jax-traceable and pure; a candidate that cannot be simulated
+    costs +inf. `value_and_gradient` maps (d,) to (float, (d,)); `residuals_and_jacobian` maps (d,)
+    to ((m,), (m, d)) with cost = mean(residuals**2). Charges are in evaluations, measured.
+    `start` (k, d) are warm starts, possibly empty. `batch_residuals_and_jacobian` maps (n, d) to
+    ((n, m), (n, m, d)) for methods that run many starts side by side.
+    """
+
+    dimension: int
+    costs: Callable[[Array], Array]
+    value_and_gradient: Callable[[np.ndarray], tuple[float, np.ndarray]] | None = None
+    residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    gradient_charge: float = 3.0
+    jacobian_charge: float = 5.0
+    start: np.ndarray | None = None
+    lower: np.ndarray | None = None
+    upper: np.ndarray | None = None
+    noise_floor: float | None = None  # expected cost at the truth when known
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One seeded run: plain values only, so that a store can keep it.
+
+    `history` holds evaluations spent and best cost so far, both (k,), at each improvement and at
+    the end.
+    """
+
+    method: str
+    run: int
+    seed: int
+    x: np.ndarray
+    cost: float
+    evaluations: float
+    seconds: float
+    status: Status
+    history_evaluations: np.ndarray
+    history_cost: np.ndarray
+    failures: int = 0  # candidates that could not be simulated
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+class Host(Protocol):
+    """A method that drives itself."""
+
+    needs: Needs
+
+    def run(self, key: Array, objective: Objective, budget: int, counter: Any) -> Status:
+        """Minimise through `counter` (see loop.Counter), which records and enforces the budget."""
+        ...
