@@ -43,7 +43,7 @@ class Population(Protocol):
 
     needs: Needs
 
-    def population(self, facts: Facts) -> int:
+    def rows(self, facts: Facts) -> int:
         """Rows that `ask` returns, fixed for the run."""
         ...
 
@@ -52,11 +52,28 @@ class Population(Protocol):
         ...
 
     def ask(self, key: Array, state: State) -> tuple[Array, State]:
-        """Candidates (population, dimension) inside [0, 1]."""
+        """Candidates (rows, dimension) inside [0, 1]."""
         ...
 
     def tell(self, state: State, x: Array, f: Array) -> tuple[State, Info]:
-        """Take the costs (population,); not-finite ones arrive as +inf. Info["stop"] may be a bool."""
+        """Take the costs (rows,); not-finite ones arrive as +inf. Info["stop"] (the method met its
+        own tolerance) and Info["stagnated"] may be bools."""
+        ...
+
+
+class Refreshing(Population, Protocol):
+    """A population method with costly work that is not due in every generation (an eigendecomposition).
+
+    Under vmap a condition on the state runs both branches, so the loop holds the counter: it calls
+    `refresh` before the `ask` of every generation divisible by `refresh_period`.
+    """
+
+    def refresh_period(self, facts: Facts) -> int:
+        """Generations between two refreshes, at least 1; must not depend on the budget."""
+        ...
+
+    def refresh(self, state: State) -> State:
+        """The state with its costly part brought up to date; pure."""
         ...
 
 

@@ -1,1 +1,6 @@
+"""Reports of findings: one self-contained HTML file, or plain text for a terminal."""
 
+from plantfit.report.html import render_html, write_report
+from plantfit.report.text import summary_text
+
+__all__ = ["render_html", "summary_text", "write_report"]

@@ -1,1 +1,56 @@
+"""Studies: many seeded runs with an equal budget, kept in a database that survives being killed.
 
+from plantfit.study import Plan, Store, resume, run
+
+store = Store.open("gearmotor.db")
+study_id = run(Plan(name="gearmotor", methods=("auto", "pso"), runs=20, budget=5000, seed=1), objective, store)
+resume(store, study_id, objective)
+"""
+
+from plantfit.study.basins import Basin, basins
+from plantfit.study.comparison import Comparison, a12, compare, holm
+from plantfit.study.plan import Plan, Task, tasks
+from plantfit.study.records import RunRecord, StudyRecord
+from plantfit.study.runner import StudyProgress, resume, run
+from plantfit.study.statistics import (
+    Summary,
+    bootstrap_interval,
+    costs_by_method,
+    evaluations_to_target,
+    expected_running_time,
+    success_rate,
+    summarise,
+    t_interval,
+    wilson_interval,
+)
+from plantfit.study.store import Store
+from plantfit.study.versions import cpu_model, versions
+
+__all__ = [
+    "Basin",
+    "Comparison",
+    "Plan",
+    "RunRecord",
+    "Store",
+    "StudyProgress",
+    "StudyRecord",
+    "Summary",
+    "Task",
+    "a12",
+    "basins",
+    "bootstrap_interval",
+    "compare",
+    "costs_by_method",
+    "cpu_model",
+    "evaluations_to_target",
+    "expected_running_time",
+    "holm",
+    "resume",
+    "run",
+    "success_rate",
+    "summarise",
+    "t_interval",
+    "tasks",
+    "versions",
+    "wilson_interval",
+]

@@ -1,0 +1,174 @@
+"""The short way: `fit(problem)` and its `Answer`."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SearchError
+from plantfit.optimize import minimise
+from plantfit.optimize.contract import RunResult
+from plantfit.problem.problem import Problem
+from plantfit.problem.steps import choose_substeps, refined_at
+from plantfit.report import summary_text, write_report
+from plantfit.trust.assess import assess
+
+REWEIGHTED = 3  # rounds of re-estimating the scale of every output
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The best parameters, every run, and what they are worth.
+
+    `values` maps coordinate names to numbers in their units; `findings` is the plain record of
+    docs/architecture.md, made when first asked for.
+    """
+
+    problem: Problem
+    runs: Sequence[RunResult]
+    seed: int
+    spec: str | None = None
+    command: str = ""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def best(self) -> RunResult:
+        return min(self.runs, key=lambda r: r.cost)
+
+    @property
+    def values(self) -> dict[str, float]:
+        physical = np.asarray(self.problem.space.physical(self.best.x))
+        return dict(zip(self.problem.space.names, physical.tolist(), strict=True))
+
+    @cached_property
+    def findings(self) -> dict[str, Any]:
+        started = time.perf_counter()
+        record = assess(self.problem, self.runs, seed=self.seed, spec=self.spec, command=self.command, seconds=self.seconds)
+        record["reproduction"]["seconds"]["trust"] = time.perf_counter() - started
+        return record
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as lines of text."""
+        return "\n".join(f"{v['level']:>8}: {v['sentence']}" for v in self.findings["verdict"])
+
+    def summary(self) -> str:
+        """Verdict and parameters for a terminal."""
+        return summary_text(self.findings)
+
+    def report(self, path: str | Path) -> Path:
+        """Write the HTML report."""
+        return write_report(self.findings, path)
+
+    def predict(self, recording: str | None = None) -> dict[str, np.ndarray]:
+        """Every output over a whole recording at the best parameters."""
+        return self.problem.predict(np.asarray(self.problem.space.physical(self.best.x)), recording)
+
+    def score(self, part: str = "validation") -> dict[str, float]:
+        """RMSE of every output, in its unit, on part "fit" or "validation", over all recordings."""
+        rows = [s for s in self.findings["scores"] if s["part"] == part]
+        result = {}
+        for output in self.problem.outputs:
+            own = [s for s in rows if s["output"] == output]
+            if own:
+                total = sum(s["n"] for s in own)
+                result[output] = float(np.sqrt(sum(s["n"] * s["rmse"] ** 2 for s in own) / total))
+        return result
+
+
+def default_budget(dimension: int) -> int:
+    """Evaluations of a run when the user gives none."""
+    return max(3000, 1500 * dimension)
+
+
+def fit(
+    problem: Problem,
+    method: str = "auto",
+    *,
+    runs: int = 1,
+    budget: int | None = None,
+    seed: int = 0,
+    settings: Mapping[str, Any] | None = None,
+    progress: Callable[[Any], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    spec: str | None = None,
+    command: str = "",
+) -> Answer:
+    """Find the parameters and what they are worth.
+
+    Chooses the step of the simulation, searches, estimates the weight of every output from its
+    residuals when there are several, checks the step at the answer. Raises SearchError when no
+    candidate could be simulated.
+    """
+    started = time.perf_counter()
+    problem = prepare(problem)
+    prepared = time.perf_counter()
+    results = minimise(
+        problem.objective(),
+        method,
+        runs=runs,
+        budget=budget or default_budget(problem.space.dimension),
+        seed=seed,
+        settings=dict(settings or {}),
+        progress=progress,
+        stop=stop,
+    )
+    searched = time.perf_counter()
+    problem, results = finish(problem, results, seed)
+    seconds = {"prepare": prepared - started, "search": searched - prepared, "finish": time.perf_counter() - searched}
+    return Answer(problem, results, seed, spec, command, seconds)
+
+
+def prepare(problem: Problem) -> Problem:
+    """Choose the substeps of the simulation; the same for the same problem, so that a resumed study repeats it."""
+    return choose_substeps(problem)
+
+
+def finish(problem: Problem, results: Sequence[RunResult], seed: int) -> tuple[Problem, list[RunResult]]:
+    """Refine the step and the weights at the best answer, and polish it there; the other runs stay as they were."""
+    best = min(results, key=lambda r: r.cost)
+    if not np.isfinite(best.cost):
+        raise SearchError(
+            "No candidate of any run could be simulated: the outputs were not finite anywhere in the box. "
+            "Check the equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing inputs."
+        )
+    x = best.x
+    polished = False
+    for _ in range(REWEIGHTED if len(problem.outputs) > 1 else 0):
+        problem = problem.with_scales(_residual_scales(problem, x))
+        x, polished = _local(problem, x, seed), True
+    finer = refined_at(problem, x)
+    if finer is not problem:
+        problem, x, polished = finer, _local(finer, x, seed), True
+    if not polished:
+        return problem, list(results)
+    rescored = [_at(problem, r, x if r is best else r.x) for r in results]
+    return problem, rescored
+
+
+def _residual_scales(problem: Problem, x: np.ndarray) -> dict[str, float]:
+    residuals, start = np.asarray(problem.residuals(x)), 0
+    squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
+    for name in problem.data["drive"]:
+        for output in problem.outputs:
+            count = len(problem.data["index"][name][output])
+            squares[output].append(residuals[start : start + count] ** 2)
+            start += count
+    return {o: max(1e-12, problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(s))))) for o, s in squares.items()}
+
+
+def _local(problem: Problem, x: np.ndarray, seed: int) -> np.ndarray:
+    objective = problem.objective(start=x[None, :])
+    budget = int(200 * problem.jacobian_charge)
+    return minimise(objective, "least_squares", runs=1, budget=budget, seed=seed, settings={"agree": 1})[0].x
+
+
+def _at(problem: Problem, result: RunResult, x: np.ndarray) -> RunResult:
+    """A run's answer with its cost on the refined problem; its history keeps the costs it was made with."""
+    return dataclasses.replace(result, x=x, cost=float(problem.costs(x[None, :])[0]))

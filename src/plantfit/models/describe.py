@@ -1,0 +1,40 @@
+"""A model as a table of plain text."""
+
+from plantfit.models.model import Declared, Model
+from plantfit.models.regression import LinearModel
+
+Row = tuple[str, str, str, str, str]
+
+_HEAD: Row = ("kind", "name", "unit", "range", "meaning")
+
+
+def describe(model: Model | LinearModel) -> str:
+    """States, inputs, outputs and parameters of a model, one a line under a head; ends without a newline."""
+    rows = [_HEAD, *_rows(model)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(_HEAD))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    title = f"{model.name}: {model.sentence}" if model.sentence else model.name
+    return "\n".join([title, *lines])
+
+
+def _rows(model: Model | LinearModel) -> list[Row]:
+    signals = {"state": model.states, "input": model.inputs} if isinstance(model, Model) else {"signal": model.signals}
+    rows: list[Row] = []
+    for kind, names in {**signals, "output": model.outputs}.items():
+        rows += [(kind, name, _unit(unit), "", "") for name, unit in names.items()]
+    if isinstance(model, Model):
+        rows += [("delay", d.channel, _unit(model.inputs[d.input]), "", f"{d.input} delayed by {d.parameter}") for d in model.delays]
+    rows += [("parameter", p.name, _unit(p.unit), _range(p), p.sentence) for p in model.parameters]
+    return rows
+
+
+def _unit(unit: str | None) -> str:
+    return "?" if unit is None else unit or "1"
+
+
+def _range(p: Declared) -> str:
+    if p.value is not None:
+        return f"= {p.value:g}"
+    if p.bounds is None:
+        return "to be given"
+    return f"{p.bounds[0]:g} to {p.bounds[1]:g}" + (" (log)" if p.scale == "log" else "")

@@ -1,0 +1,50 @@
+"""The models that come with plantfit, by name."""
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from plantfit.errors import ModelError
+from plantfit.models.model import Model
+from plantfit.models.regression import LinearModel
+from plantfit.models.suggest import suggest
+
+Factory = Callable[..., Model | LinearModel]
+
+_PLACES = {
+    "dc_motor": "plantfit.models.dc_motor",
+    "drive": "plantfit.models.drive",
+    "drive_regression": "plantfit.models.drive",
+    "first_order": "plantfit.models.process",
+    "second_order": "plantfit.models.process",
+}
+
+
+def names() -> tuple[str, ...]:
+    """Names of all models, without importing them."""
+    return tuple(_PLACES)
+
+
+def factory(name: str) -> Factory:
+    """The function that makes the model of this name. Raises ModelError for an unknown name."""
+    if name not in _PLACES:
+        raise ModelError(
+            f"There is no model {name!r}.{suggest(name, _PLACES)} Known are {', '.join(_PLACES)}, or write your own equations."
+        )
+    return getattr(import_module(_PLACES[name]), name)
+
+
+def models() -> dict[str, Factory]:
+    """Names to the functions that make the models."""
+    return {name: factory(name) for name in _PLACES}
+
+
+def make(name: str, **options: Any) -> Model | LinearModel:
+    """A model by name with its options. Raises ModelError for an unknown name or option."""
+    function = factory(name)
+    known = tuple(inspect.signature(function).parameters)
+    for option in options:
+        if option not in known:
+            raise ModelError(f"Model {name!r} has no option {option!r}.{suggest(option, known)} Options are {', '.join(known) or 'none'}.")
+    return function(**options)

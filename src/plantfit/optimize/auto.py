@@ -1,0 +1,84 @@
+"""What a user gets who chooses nothing."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from plantfit.errors import Status
+from plantfit.optimize.basins import Basins
+from plantfit.optimize.cmaes import CmaEs
+from plantfit.optimize.contract import Host, Needs, Objective, Population
+from plantfit.optimize.counter import Counter
+from plantfit.optimize.local import Found, Loss, lbfgsb, trust_region
+from plantfit.optimize.settings import integer, number
+from plantfit.optimize.starts import far_apart, generator, sobol
+
+from jax import Array
+
+
+@dataclass(frozen=True)
+class Auto:
+    """A spread sample, then local searches from its best points until the best answer repeats.
+
+    With residuals the local search is trust-region least squares, with only a gradient L-BFGS-B;
+    without derivatives `choose` hands over to CMA-ES. Multi-start with a sampled global phase:
+    Rinnooy Kan and Timmer 1987, Math. Programming 39:27.
+    """
+
+    needs: ClassVar[Needs] = Needs()
+    share: float = number(0.15, 0.0, 0.9, "largest share of the budget for the sample before the local searches")
+    agree: int = integer(3, 1, 1_000_000, "stop after so many independent starts ended in the best basin")
+    searches: int = integer(5, 1, 1_000_000, "fewest local searches")
+    max_steps: int = integer(200, 1, 1_000_000, "most steps of one local search")
+
+    def choose(self, objective: Objective) -> tuple[Population | Host, str]:
+        """The method for what the objective offers, and a sentence that says why."""
+        if objective.residuals_and_jacobian is not None:
+            return self, "Least squares from many starts, because the problem gives residuals with exact derivatives."
+        if objective.value_and_gradient is not None:
+            return self, "L-BFGS-B from many starts, because the problem gives a gradient but no residuals."
+        return CmaEs(), "CMA-ES, because the problem gives costs without derivatives."
+
+    def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
+        rng = generator(key)
+        basins = Basins(counter.extra)
+        points, costs = self._sample(objective, budget, counter, rng)
+        finite = costs[np.isfinite(costs)]
+        # a cost this far below the ordinary one is a perfect fit up to rounding
+        basins.floor = 1e-14 * abs(float(np.median(finite))) if len(finite) else basins.floor
+        for start, independent in self._starts(objective, counter, points, costs, rng):
+            basins.add(self._search(objective, counter, start), independent)
+            if basins.hits >= self.agree and basins.searches >= self.searches:
+                return Status.converged
+        return Status.budget
+
+    def _sample(self, objective: Objective, budget: int, counter: Counter, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        n = int(min(max(64, 16 * objective.dimension), self.share * budget))
+        points = sobol(n, objective.dimension, rng) if n else np.zeros((0, objective.dimension))
+        return points, counter.costs(points) if n else np.zeros(0)
+
+    def _search(self, objective: Objective, counter: Counter, start: np.ndarray) -> Found:
+        if objective.residuals_and_jacobian is not None:
+            return trust_region(counter, start, Loss(), self.max_steps)
+        return lbfgsb(counter, start, self.max_steps)
+
+    def _starts(
+        self, objective: Objective, counter: Counter, points: np.ndarray, costs: np.ndarray, rng: np.random.Generator
+    ) -> Iterator[tuple[np.ndarray, bool]]:
+        """Starts and whether they are independent: best sample, warm starts, further spread samples, then in
+        turn the next sample, a step away from the best point, a uniform point."""
+        spread, rest = far_apart(points, costs)
+        warm = [] if objective.start is None else list(np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0))
+        first = [points[i] for i in spread[: self.searches]]
+        yield from ((x, True) for x in [*first[:1], *warm, *first[1:]])
+        later = iter([*spread[self.searches :], *rest])
+        while True:
+            following = next(later, None)
+            if following is not None:
+                yield points[following], True
+            if np.isfinite(counter.best_cost):
+                width = 10 ** rng.uniform(-2, -0.5)
+                yield np.clip(counter.best_x + width * rng.standard_normal(objective.dimension), 0.0, 1.0), False
+            yield rng.random(objective.dimension), True

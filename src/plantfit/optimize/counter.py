@@ -1,0 +1,126 @@
+"""What a host method searches through: it counts, keeps the best point and enforces the budget."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import Interrupted, SearchError
+from plantfit.optimize.contract import Objective
+
+import jax
+
+CHUNK = 64  # candidates per compiled evaluation
+
+
+class BudgetSpent(Exception):
+    """The next evaluation would overrun the budget; ends a host method from inside."""
+
+
+class TargetReached(Exception):
+    """The target cost was met; ends a host method from inside."""
+
+
+@lru_cache(maxsize=32)
+def _compiled(costs: Callable) -> Callable:
+    return jax.jit(costs)
+
+
+class Counter:
+    """Evaluations of one run of a host method.
+
+    Every call charges its price before it evaluates and raises BudgetSpent when the rest of the budget
+    does not cover it. Costs that are not finite count as failures. `rank`, when a method sets it, maps
+    residuals to the number that decides which point is best (robust losses); the cost kept with the point
+    stays mean(residuals**2). `extra` ends in RunResult.extra.
+    """
+
+    def __init__(
+        self,
+        objective: Objective,
+        budget: float,
+        *,
+        target: float | None = None,
+        stop: Callable[[], bool] | None = None,
+        report: Callable[["Counter"], None] | None = None,
+    ):
+        self.objective, self.budget = objective, float(budget)
+        self.spent = 0.0
+        self.failures = 0
+        self.best_x = np.full(objective.dimension, 0.5)
+        self.best_cost = np.inf
+        self.history: list[tuple[float, float]] = []
+        self.extra: dict[str, Any] = {}
+        self.rank: Callable[[np.ndarray], float] | None = None
+        self._best_rank = np.inf
+        self._target, self._stop, self._report = target, stop, report
+
+    @property
+    def remaining(self) -> float:
+        return self.budget - self.spent
+
+    def costs(self, x: np.ndarray) -> np.ndarray:
+        """Costs (n,) of points (n, d); not-finite ones come back as +inf. Charges n."""
+        x = np.atleast_2d(np.asarray(x, dtype=float))
+        self._charge(len(x))
+        f = np.concatenate([self._chunk(x[i : i + CHUNK]) for i in range(0, len(x), CHUNK)])
+        before = self.spent - len(x)
+        for k in range(len(x)):
+            self._record(x[k], f[k], f[k], before + k + 1)
+        self._after()
+        return f
+
+    def _chunk(self, x: np.ndarray) -> np.ndarray:
+        # one compiled shape, whatever the number of points
+        full = np.concatenate([x, np.repeat(x[:1], CHUNK - len(x), axis=0)])
+        f = np.array(_compiled(self.objective.costs)(full), dtype=float)[: len(x)]
+        return np.where(np.isfinite(f), f, np.inf)
+
+    def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost and gradient (d,); a failed point has cost +inf and gradient 0."""
+        if self.objective.value_and_gradient is None:
+            raise SearchError("The method needs a gradient, but the problem has none; choose 'cmaes' or 'pso'.")
+        self._charge(self.objective.gradient_charge)
+        value, gradient = self.objective.value_and_gradient(x)
+        value, gradient = float(value), np.array(gradient, dtype=float)
+        if not (np.isfinite(value) and np.all(np.isfinite(gradient))):
+            value, gradient = np.inf, np.zeros(len(x))
+        self._record(x, value, value, self.spent)
+        self._after()
+        return value, gradient
+
+    def residuals_and_jacobian(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (m,) and Jacobian (m, d); a failed point has NaN residuals."""
+        if self.objective.residuals_and_jacobian is None:
+            raise SearchError("The method needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'pso'.")
+        self._charge(self.objective.jacobian_charge)
+        r, jacobian = (np.array(a, dtype=float) for a in self.objective.residuals_and_jacobian(x))
+        # residuals whose squares overflow cannot be compared either
+        if not (np.all(np.abs(r) < 1e150) and np.all(np.isfinite(jacobian))):
+            r, jacobian = np.full(r.shape, np.nan), np.zeros(jacobian.shape)
+        cost = float(np.mean(r**2))
+        self._record(x, cost, cost if self.rank is None else self.rank(r), self.spent)
+        self._after()
+        return r, jacobian
+
+    def _charge(self, price: float) -> None:
+        if self._stop is not None and self._stop():
+            raise Interrupted("The search was stopped; what was finished is kept.")
+        if self.spent + price > self.budget:
+            raise BudgetSpent
+        self.spent += price
+
+    def _record(self, x: np.ndarray, cost: float, rank: float, spent: float) -> None:
+        if not np.isfinite(cost):
+            self.failures += 1
+        elif rank < self._best_rank:
+            self._best_rank, self.best_cost, self.best_x = rank, float(cost), np.array(x, dtype=float)
+            self.history.append((float(spent), float(cost)))
+
+    def _after(self) -> None:
+        if self._report is not None:
+            self._report(self)
+        if self._target is not None and self.best_cost <= self._target:
+            raise TargetReached

@@ -1,0 +1,70 @@
+"""One recording as a problem sees it: which samples are fitted, which are kept unseen, in the model's units."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from plantfit import units
+from plantfit.errors import RecordingError, UnitError
+from plantfit.recording.record import Recording, Signal
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A recording with the parts of it that are used.
+
+    `fit` and `validate` are intervals (start, stop) in seconds of its time axis, None: nothing.
+    `skip` seconds at the start of each part are simulated but not scored (unknown history).
+    `before` gives inputs ahead of the first sample; by default they had their first value.
+    """
+
+    recording: Recording
+    fit: tuple[float, float] | None = (-np.inf, np.inf)
+    validate: tuple[float, float] | None = None
+    skip: float = 0.0
+    before: Mapping[str, float] = field(default_factory=dict)
+
+    def mask(self, part: str) -> np.ndarray:
+        """Samples (n,) bool of part "fit" or "validation"."""
+        interval = self.fit if part == "fit" else self.validate
+        t = self.recording.t
+        if interval is None:
+            return np.zeros(len(t), dtype=bool)
+        start, stop = interval
+        inside = (t >= start) & (t < stop)
+        if self.skip and np.any(inside):
+            inside &= t >= t[np.argmax(inside)] + self.skip
+        return inside
+
+
+def split(recording: Recording, share: float, skip: float = 0.0) -> Experiment:
+    """The first `share` of the samples for the fit, the rest unseen; simulated in one go, so that the state carries over."""
+    if not 0.0 < share < 1.0:
+        raise RecordingError(f"split = {share:g}; give the share of the recording that is fitted, between 0 and 1, for example 0.7.")
+    count = round(share * len(recording))
+    if not 0 < count < len(recording):
+        raise RecordingError(f"Recording {recording.name!r} has {len(recording)} samples, too few to split at {share:g}.")
+    edge = float(recording.t[count])
+    return Experiment(recording, fit=(-np.inf, edge), validate=(edge, np.inf), skip=skip)
+
+
+def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recording:
+    """The named signals in the units that the model declares; signals without a unit are taken as they are."""
+    signals, log = dict(recording.signals), list(recording.log)
+    for name, unit in wanted.items():
+        if name not in signals:
+            raise RecordingError(
+                f"Recording {recording.name!r} has no signal {name!r}, which the model needs; it has {list(recording.signals)}. "
+                "Name the column for it under signals."
+            )
+        have = signals[name].unit
+        if unit is None or have is None or have == unit:
+            continue
+        if not units.compatible(have, unit):
+            raise UnitError(f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be turned into the model's {unit!r}; correct one of them.")
+        factor, offset = units.factor_offset(have, unit)
+        if factor != 1.0 or offset != 0.0:
+            signals[name] = Signal(signals[name].values * factor + offset, unit)
+            log.append(f"{name}: converted from {have} to {unit}.")
+    return Recording(recording.t, signals, recording.name, tuple(log))

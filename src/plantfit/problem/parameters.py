@@ -1,0 +1,49 @@
+"""The parameters of a problem: what the model declares, changed by what the user says."""
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from plantfit import units
+from plantfit.errors import SpaceError, UnitError
+from plantfit.models.model import Declared
+from plantfit.space import Parameter, Space
+
+
+def space_of(declared: Sequence[Declared], changes: Mapping[str, Any] | None, recordings: Sequence[str]) -> Space:
+    """A space in the model's units; `changes` map names to `Parameter`, (low, high) or a number to hold."""
+    merged = {d.name: Parameter(d.bounds, d.unit, d.scale, d.value, sentence=d.sentence) for d in declared}
+    for name, change in (changes or {}).items():
+        if name not in merged:
+            close = difflib.get_close_matches(name, merged, 1)
+            raise SpaceError(f"The model has no parameter {name!r}; {f'did you mean {close[0]!r}? ' if close else ''}It has {sorted(merged)}.")
+        merged[name] = _changed(name, merged[name], change)
+    return Space(merged, recordings)
+
+
+def _changed(name: str, base: Parameter, change: Any) -> Parameter:
+    if isinstance(change, int | float):
+        return dataclasses.replace(base, value=float(change))
+    if not isinstance(change, Parameter):
+        low, high = change
+        return dataclasses.replace(base, bounds=(float(low), float(high)), value=None)
+    bounds, value = change.bounds, change.value
+    if change.unit is not None and base.unit is not None and change.unit != base.unit:
+        if not units.compatible(change.unit, base.unit):
+            raise UnitError(f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind.")
+        factor, offset = units.factor_offset(change.unit, base.unit)
+        bounds = tuple(b * factor + offset for b in bounds) if bounds else None
+        value = value * factor + offset if value is not None else None
+    held = value if value is not None else (None if bounds is not None or change.tied else base.value)
+    if bounds is not None and value is not None:
+        held = value
+    return Parameter(
+        bounds=bounds or base.bounds,
+        unit=base.unit or change.unit,
+        scale=change.scale if change.scale != "linear" or change.bounds else base.scale,
+        value=held,
+        tied=change.tied,
+        per_recording=change.per_recording,
+        sentence=change.sentence or base.sentence,
+    )

@@ -1,0 +1,107 @@
+"""Columns as a file holds them, before anyone decides what they mean."""
+
+import difflib
+import keyword
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+
+from plantfit.errors import RecordingError
+from plantfit.units import DIMENSIONLESS, known
+
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>.*)\))\s*$")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: the text of its header, that text without the unit, the unit, and the cells."""
+
+    header: str
+    name: str
+    unit: str | None
+    cells: pl.Series
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length. `places` are the line (or row) numbers in the file, `place` their word.
+
+    `decimal` is "auto", "." or ",". `left_out` says why other things of the file are not columns.
+    `header` tells whether the columns were named by the file.
+    """
+
+    source: str
+    columns: tuple[Column, ...]
+    places: np.ndarray | None = None
+    place: str = "row"
+    decimal: str = "auto"
+    header: bool = True
+    log: tuple[str, ...] = ()
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def where(self, row: int) -> str:
+        """The file and the line of a row, for messages."""
+        number = row + 1 if self.places is None else int(self.places[row])
+        return f"{self.source}, {self.place} {number}"
+
+    def column(self, wanted: str | int, purpose: str) -> Column:
+        """A column by header, by header without unit, by identifier, or by number from 0."""
+        if isinstance(wanted, (int, np.integer)) and not isinstance(wanted, bool):
+            if not 0 <= wanted < len(self.columns):
+                raise RecordingError(
+                    f"{self.source} has no column {wanted} for {purpose}; it has {len(self.columns)} columns, numbered from 0."
+                )
+            return self.columns[wanted]
+        for read in (lambda c: c.header, lambda c: c.name, lambda c: identifier(c.name)):
+            found = [c for c in self.columns if read(c) == str(wanted).strip()]
+            if len(found) == 1:
+                return found[0]
+            if found:
+                numbers = [self.columns.index(c) for c in found]
+                raise RecordingError(f"{self.source} has {len(found)} columns {wanted!r} for {purpose}; choose one by number: {numbers}.")
+        if wanted in self.left_out:
+            raise RecordingError(f"{self.source}: {wanted!r} cannot serve as {purpose} because {self.left_out[str(wanted)]}.")
+        headers = [c.header for c in self.columns]
+        raise RecordingError(f"{self.source} has no column {wanted!r} for {purpose}{close_match(str(wanted), headers)}; it has {headers}.")
+
+
+def close_match(wanted: str, names: Iterable[str]) -> str:
+    """A parenthesis ", did you mean ...?" or nothing."""
+    by_lower = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(wanted.lower(), by_lower, n=1, cutoff=0.5)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """(name, unit) of "u [V]" or "u (V)"; the unit is None when the brackets hold something else."""
+    found = _BRACKETED.match(header.strip())
+    if not found:
+        return header.strip(), None
+    unit = (found["square"] if found["square"] is not None else found["round"]).strip()
+    if found["round"] is not None and unit in DIMENSIONLESS and unit != "-":
+        return header.strip(), None
+    return (found["name"].strip(), unit) if known(unit) else (header.strip(), None)
+
+
+def identifier(name: str) -> str:
+    """The name with everything that a formula cannot hold replaced by underscores."""
+    clean = re.sub(r"\W+", "_", name).strip("_")
+    if not clean:
+        return "c"
+    if not clean.isidentifier():
+        clean = f"c{clean}"
+    return f"{clean}_" if keyword.iskeyword(clean) else clean
+
+
+def named_columns(headers: Iterable[str], cells: Iterable[pl.Series], units: Iterable[str | None] | None = None) -> tuple[Column, ...]:
+    """Columns from header texts; a unit row, where there is one, wins over nothing but an absent bracket."""
+    headers, cells = list(headers), list(cells)
+    rows = list(units) if units is not None else [None] * len(headers)
+    columns = []
+    for header, series, row_unit in zip(headers, cells, rows, strict=True):
+        name, unit = split_header(header)
+        columns.append(Column(header.strip(), name, unit if unit is not None else row_unit, series))
+    return tuple(columns)

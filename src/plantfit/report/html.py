@@ -1,0 +1,226 @@
+"""One self-contained HTML file: styles, script, plotly and data inside, nothing loaded from elsewhere."""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from plantfit.errors import StoreError
+from plantfit.report import figures, sentences, tables
+from plantfit.report.figures.fit import MOST_ZONES, zone_count
+from plantfit.report.figures.parameters import drawable
+from plantfit.report.numbers import seconds, significant, with_unit
+from plantfit.report.schema import Findings, Recording, ResidualTest, array, read_findings
+
+CONFIG = {"showSendToCloud": False, "displaylogo": False, "responsive": True, "toImageButtonOptions": {"format": "svg"}}
+POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
+_CODES = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+
+
+@dataclass
+class Drawings:
+    """Figures of one report in the order of the page."""
+
+    items: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, figure: figures.Figure, label: str) -> dict[str, Any]:
+        """Keep a figure and return what the template needs to place it."""
+        item = {"id": f"figure-{len(self.items) + 1}", "label": label, "figure": figure, "height": figure["layout"]["height"]}
+        self.items.append(item)
+        return item
+
+    @property
+    def json(self) -> Markup:
+        """All figures as JSON that is safe inside a script element."""
+        return embedded({item["id"]: item["figure"] for item in self.items})
+
+
+def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
+    """Write the report of a findings record (docs/architecture.md) to `path` and return it.
+
+    The file appears whole or not at all. PlantfitError for a record that does not fit the schema;
+    StoreError when the folder is missing or cannot be written to.
+    """
+    path = Path(path)
+    text = render_html(findings)
+    if path.is_dir():
+        raise StoreError(f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}.")
+    if not path.parent.is_dir():
+        raise StoreError(f"The report cannot be written to {path}: the folder {path.parent} does not exist; create it first.")
+    try:
+        _replace(path, text)
+    except OSError as error:
+        raise StoreError(f"The report could not be written to {path} ({error.strerror}); free some space or choose another folder.") from None
+    return path
+
+
+def render_html(findings: Mapping[str, Any]) -> str:
+    """The report as text; PlantfitError for a record that does not fit the schema."""
+    from plotly.offline import get_plotlyjs  # 5 MB, read only when a report is made
+
+    record = read_findings(findings)
+    environment = jinja2.Environment(loader=jinja2.FunctionLoader(_template), autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    context = _context(record)
+    return environment.get_template("report.html").render(
+        context,
+        style=Markup(_template("style.css")),
+        plotly=Markup(get_plotlyjs()),
+        draw=Markup(_template("draw.js")),
+        config=embedded(CONFIG),
+    )
+
+
+def embedded(value: Any) -> Markup:
+    """JSON for a script element; no character in it can end the element."""
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return Markup(text.translate(str.maketrans(_CODES)))
+
+
+def _template(name: str) -> str:
+    return resources.files("plantfit.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write beside the target, then rename: a reader never sees half a file."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _context(record: Findings) -> dict[str, Any]:
+    """Everything that the template shows."""
+    drawings = Drawings()
+    shown = {
+        "record": record,
+        "subtitle": sentences.subtitle(record),
+        "tally": sentences.tally(record),
+        "verdict": _verdict(record),
+        "fits": _fits(record, drawings),
+        "scores": tables.scores_table(record.scores),
+        "no_validation": sentences.no_validation(record),
+        "tests": [_test(test, drawings) for test in record.residual_tests],
+        "parameters": _parameters(record, drawings),
+        "combinations": _combinations(record, drawings),
+        "search": _search(record, drawings),
+        "simulation": _simulation(record),
+        "reproduction": _reproduction(record),
+    }
+    return shown | {"figures": drawings.json}
+
+
+def _verdict(record: Findings) -> list[dict[str, Any]]:
+    return [
+        {
+            "level": v.level,
+            "word": sentences.LEVELS[v.level][0],
+            "mark": sentences.LEVELS[v.level][1],
+            "sentence": v.sentence,
+            "figures": [(name.replace("_", " "), significant(value)) for name, value in v.figures.items()],
+        }
+        for v in record.verdict
+    ]
+
+
+def _fits(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
+    signals = sum(3 * len(r.outputs) + len(r.inputs) for r in record.recordings)
+    points = min(MOST_POINTS, max(FEWEST_POINTS, POINTS_IN_FILE // max(signals, 1)))
+    return [_fit(recording, points, drawings) for recording in record.recordings if recording.outputs and recording.t]
+
+
+def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any]:
+    parts = {part for output in recording.outputs.values() for part in output.part}
+    notes = [sentences.decimated(len(recording.t), points)]
+    if any(zone_count(output) > MOST_ZONES for output in recording.outputs.values()):
+        notes.append("Fit and validation samples alternate too finely to be shaded.")
+        parts = set()
+    outputs = sentences.listed(with_unit(name, output.unit) for name, output in recording.outputs.items())
+    label = f"Recording {recording.name}: {outputs} measured and simulated over time, residuals below, then the inputs."
+    figure = drawings.add(figures.fit_figure(recording, points), label)
+    return {"recording": recording, "figure": figure, "parts": [p for p in ("fit", "validation") if p in parts], "note": " ".join(filter(None, notes))}
+
+
+def _test(test: ResidualTest, drawings: Drawings) -> dict[str, Any]:
+    where = f"residual of {test.output} in {test.recording}"
+    lags, bound = array(test.lags_s), test.bound
+    auto = figures.stem_figure(lags, array(test.autocorrelation), bound, "autocorrelation")
+    items = [drawings.add(auto, f"Autocorrelation of the {where} over lag in seconds, with 95 % bounds.")]
+    for name, cross in test.cross.items():
+        figure = figures.stem_figure(array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}")
+        items.append(drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds."))
+    said = [sentences.whiteness(test), *(sentences.independence(name, cross) for name, cross in test.cross.items())]
+    good = test.white and all(cross.independent for cross in test.cross.values())
+    return {"title": f"{test.recording}: {test.output}", "sentences": said, "figures": items, "good": good}
+
+
+def _parameters(record: Findings, drawings: Drawings) -> dict[str, Any]:
+    figure = None
+    if drawable(record.parameters):
+        label = "Value, 95 % interval and the values of all runs of each parameter, between its lower and upper bound."
+        figure = drawings.add(figures.interval_figure(record.parameters, record.runs), label)
+    return {"table": tables.parameters_table(record.parameters), "figure": figure}
+
+
+def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
+    return [
+        {
+            "sentence": c.sentence,
+            "spread": "" if c.relative_sd is None else f"Relative standard deviation {significant(c.relative_sd, 2)}.",
+            "figure": drawings.add(figures.weight_figure(c), f"Weights of the parameters in combination {k}.") if c.weights else None,
+        }
+        for k, c in enumerate(record.combinations, start=1)
+    ]
+
+
+def _search(record: Findings, drawings: Drawings) -> dict[str, Any]:
+    convergence = waterfall = None
+    if any(r.history.cost for r in record.runs):
+        convergence = drawings.add(figures.convergence_figure(record.runs), "Best cost so far against evaluations for every run.")
+    if len([r for r in record.runs if r.cost is not None]) > 1:
+        waterfall = drawings.add(figures.waterfall_figure(record.runs), "Final cost of every run, sorted from the lowest.")
+    return {
+        "convergence": convergence,
+        "waterfall": waterfall,
+        "runs": tables.runs_table(record.runs),
+        "basins": tables.basins_table(record.basins),
+    }
+
+
+def _simulation(record: Findings) -> dict[str, Any] | None:
+    if record.simulation is None:
+        return None
+    simulation = record.simulation
+    return {"stepper": simulation.stepper, "substeps": tables.substeps(simulation.substeps), "table": tables.simulation_table(simulation)}
+
+
+def _reproduction(record: Findings) -> dict[str, Any] | None:
+    made = record.reproduction
+    if made is None:
+        return None
+    facts = [
+        ("command", made.command),
+        ("seed", "" if made.seed is None else str(made.seed)),
+        ("processor", made.cpu),
+        ("time", ", ".join(f"{phase} {seconds(value)}" for phase, value in made.seconds.items())),
+        ("versions", ", ".join(f"{name} {version}" for name, version in made.versions.items())),
+    ]
+    return {"facts": [(name, value) for name, value in facts if value], "spec": made.spec}

@@ -1,0 +1,200 @@
+"""The findings record as typed values: what `trust.assess` gives and the report draws.
+
+The plain record is described in docs/architecture.md. Sections that are missing are empty;
+None and NaN both mean "not known".
+"""
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
+
+from plantfit.errors import PlantfitError
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+Number = Annotated[float | None, BeforeValidator(_finite)]
+Values = list[float | None]
+Part = Literal["fit", "validation", ""]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Sentence(_Record):
+    level: Literal["good", "warning", "bad", "info"]
+    sentence: str
+    figures: dict[str, Number] = {}
+
+
+class Input(_Record):
+    unit: str | None = None
+    values: Values
+
+
+class Output(_Record):
+    unit: str | None = None
+    measured: Values
+    simulated: Values
+    part: list[Part] = []
+
+
+class Recording(_Record):
+    name: str
+    log: list[str] = []
+    t: list[float]
+    inputs: dict[str, Input] = {}
+    outputs: dict[str, Output] = {}
+
+    @model_validator(mode="after")
+    def _lengths_agree(self):
+        n = len(self.t)
+        lengths = {f"input {name!r}": len(signal.values) for name, signal in self.inputs.items()}
+        for name, output in self.outputs.items():
+            lengths |= {f"measured {name!r}": len(output.measured), f"simulated {name!r}": len(output.simulated)}
+            if output.part:
+                lengths[f"part of {name!r}"] = len(output.part)
+        for what, length in lengths.items():
+            if length != n:
+                raise ValueError(f"{what} has {length} values but t has {n}")
+        return self
+
+
+class Score(_Record):
+    recording: str
+    output: str
+    unit: str | None = None
+    part: Literal["fit", "validation"]
+    n: int
+    rmse: Number = None
+    bias: Number = None
+    fit_percent: Number = None
+
+
+class Cross(_Record):
+    lags_s: Values
+    values: Values
+    bound: Number = None
+    independent: bool
+
+
+class ResidualTest(_Record):
+    recording: str
+    output: str
+    lags_s: Values
+    autocorrelation: Values
+    bound: Number = None
+    white: bool
+    p_value: Number = None
+    cross: dict[str, Cross] = {}
+
+
+class Parameter(_Record):
+    name: str
+    unit: str | None = None
+    value: Number
+    standard_error: Number = None
+    low: Number = None
+    high: Number = None
+    lower_bound: Number = None
+    upper_bound: Number = None
+    scale: Literal["linear", "log"] = "linear"
+    at_bound: Literal["lower", "upper"] | None = None
+    status: str = "determined"
+
+
+class Combination(_Record):
+    sentence: str
+    weights: dict[str, Number] = {}
+    relative_sd: Number = None
+
+
+class History(_Record):
+    evaluations: Values = []
+    cost: Values = []
+
+    @model_validator(mode="after")
+    def _lengths_agree(self):
+        if len(self.evaluations) != len(self.cost):
+            raise ValueError(f"history has {len(self.evaluations)} evaluations but {len(self.cost)} costs")
+        return self
+
+
+class Run(_Record):
+    method: str
+    run: int
+    seed: int | None = None
+    cost: Number = None
+    rmse: Number = None
+    status: str = ""
+    evaluations: Number = None
+    seconds: Number = None
+    failures: int = 0
+    parameters: dict[str, Number] = {}
+    history: History = History()
+
+
+class Basin(_Record):
+    cost: Number = None
+    runs: int
+    share: Number = None
+    parameters: dict[str, Number] = {}
+
+
+class SimulatedOutput(_Record):
+    unit: str | None = None
+    max_error: Number = None
+    rms_error: Number = None
+    rms_residual: Number = None
+
+
+class Simulation(_Record):
+    stepper: str = ""
+    substeps: Any = None
+    outputs: dict[str, SimulatedOutput] = {}
+
+
+class Reproduction(_Record):
+    spec: str | None = None
+    seed: int | None = None
+    versions: dict[str, str] = {}
+    cpu: str = ""
+    seconds: dict[str, Number] = {}
+    command: str = ""
+
+
+class Findings(_Record):
+    name: str
+    verdict: list[Sentence] = []
+    recordings: list[Recording] = []
+    scores: list[Score] = []
+    residual_tests: list[ResidualTest] = []
+    parameters: list[Parameter] = []
+    combinations: list[Combination] = []
+    runs: list[Run] = []
+    basins: list[Basin] = []
+    simulation: Simulation | None = None
+    reproduction: Reproduction | None = None
+
+
+def read_findings(findings: Mapping[str, Any]) -> Findings:
+    """The plain record as `Findings`; PlantfitError names the first place that does not fit the schema."""
+    try:
+        return Findings.model_validate(findings)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(step) for step in first["loc"]) or "its top level"
+        raise PlantfitError(
+            f"The findings record is wrong at {place} ({first['msg'].removeprefix('Value error, ')}); make it with plantfit.trust.assess."
+        ) from None
+
+
+def array(values: Values | list[float]) -> np.ndarray:
+    """Values (n,) as float64 with NaN for what is not known."""
+    return np.array(values, dtype=float)

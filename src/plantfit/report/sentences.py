@@ -1,0 +1,96 @@
+"""Plain sentences that the report says about findings."""
+
+from collections.abc import Iterable
+
+from plantfit.errors import Status
+from plantfit.report.numbers import UNKNOWN, count, percent, significant
+from plantfit.report.schema import Cross, Findings, Parameter, ResidualTest
+
+LEVELS = {"good": ("Good", "✓"), "warning": ("Caution", "!"), "bad": ("Problem", "✕"), "info": ("Note", "i")}
+_STATUS = {
+    "determined": "determined by the data",
+    "weak": "weakly determined: the interval is wide",
+    "flat": "not determined: the cost does not change with it",
+    "fixed": "held fixed, not fitted",
+}
+
+
+def subtitle(findings: Findings) -> str:
+    """One line: how many parameters were fitted to what, by which methods."""
+    free = sum(p.status != "fixed" for p in findings.parameters)
+    outputs = dict.fromkeys(name for r in findings.recordings for name in r.outputs)
+    methods = dict.fromkeys(r.method for r in findings.runs)
+    parts = [many(free, "parameter") + " fitted"]
+    if outputs:
+        parts.append(f"to {listed(outputs)}")
+    if findings.recordings:
+        parts.append(f"of {many(len(findings.recordings), 'recording')} ({listed(r.name for r in findings.recordings)})")
+    if methods:
+        parts.append(f"in {many(len(findings.runs), 'run')} of {listed(methods)}")
+    return " ".join(parts) + "."
+
+
+def tally(findings: Findings) -> str:
+    """How many sentences of the verdict are good, need caution, are problems."""
+    words = {"good": "good", "warning": "caution", "bad": "problem"}
+    counts = {level: sum(v.level == level for v in findings.verdict) for level in words}
+    return " · ".join(f"{n} {words[level]}{'s' if level == 'bad' and n > 1 else ''}" for level, n in counts.items() if n)
+
+
+def parameter_status(parameter: Parameter) -> str:
+    """What is known of one parameter, in words."""
+    if parameter.at_bound:
+        return f"at its {parameter.at_bound} bound: widen the bound or question the model"
+    return _STATUS.get(parameter.status, parameter.status)
+
+
+def run_status(status: str) -> str:
+    """The sentence of a run's status; an unknown one stays as it is."""
+    return Status(status).sentence if status in Status.__members__ else status
+
+
+def whiteness(test: ResidualTest) -> str:
+    """Whether the residuals of one output still hold a pattern."""
+    p = "" if test.p_value is None else f" (p = {significant(test.p_value, 2)})"
+    if test.white:
+        return f"White{p}: the residuals look like noise; the model explains what can be explained."
+    return f"Not white{p}: the residuals follow a pattern that the model does not explain; standard errors are too small."
+
+
+def independence(name: str, cross: Cross) -> str:
+    """Whether an input still shows in the residuals."""
+    if cross.independent:
+        return f"Independent of {name}."
+    return f"Still depends on {name}: some effect of this input is missing from the model."
+
+
+def no_validation(findings: Findings) -> str:
+    """Why there is no score on unseen data; empty when there is one."""
+    if any(s.part == "validation" for s in findings.scores):
+        return ""
+    return "No unseen data: give validation to know if the fit holds beyond the samples it was made from."
+
+
+def decimated(samples: int, points: int) -> str:
+    """What was left out of a drawing; empty when nothing was."""
+    if samples <= points:
+        return ""
+    return f"Shown decimated: lowest and highest of every {count(2 * samples / points)} samples. All numbers use all {count(samples)} samples."
+
+
+def share(value: float | None) -> str:
+    """The part of the runs that ended in a basin."""
+    return UNKNOWN if value is None else percent(value)
+
+
+def many(n: int, noun: str) -> str:
+    """`1 run`, `3 runs`."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def listed(names: Iterable[str], most: int = 6) -> str:
+    """`a, b and c`; long lists are cut with their number."""
+    names = list(names)
+    if len(names) > most:
+        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

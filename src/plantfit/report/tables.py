@@ -1,0 +1,113 @@
+"""The tables of the report as headings and rows of text."""
+
+from dataclasses import dataclass
+
+from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
+from plantfit.report.schema import Basin, Number, Parameter, Run, Score, Simulation
+from plantfit.report.sentences import listed, parameter_status, run_status, share
+
+MOST_RUNS = 200
+
+
+@dataclass(frozen=True)
+class Table:
+    """`numeric` are the places of right-aligned columns; `marked` the places of rows to stand out."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: frozenset[int] = frozenset()
+    marked: frozenset[int] = frozenset()
+
+
+def scores_table(scores: list[Score]) -> Table:
+    """Fit and validation scores of every output."""
+    rows = tuple(
+        (s.recording, s.output, s.part, quantity(s.rmse, s.unit), quantity(s.bias, s.unit), per_cent(s.fit_percent), count(s.n))
+        for s in scores
+    )
+    head = ("recording", "output", "part", "RMSE", "bias", "fit", "samples")
+    return Table("Scores", head, rows, frozenset({3, 4, 5, 6}), frozenset(k for k, s in enumerate(scores) if s.part == "validation"))
+
+
+def parameters_table(parameters: list[Parameter]) -> Table:
+    """Values with standard errors, intervals, bounds and what is known."""
+    rows = tuple(
+        (p.name, plus_minus(p.value, p.standard_error), unit_label(p.unit), interval(p.low, p.high), _bounds(p), parameter_status(p))
+        for p in parameters
+    )
+    head = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "status")
+    marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound"))
+    return Table("Parameters", head, rows, frozenset({1, 3, 4}), marked)
+
+
+def runs_table(runs: list[Run]) -> Table:
+    """Every run, lowest cost first; long lists are cut."""
+    ordered = sorted(runs, key=lambda r: float("inf") if r.cost is None else r.cost)[:MOST_RUNS]
+    rows = tuple(
+        (
+            r.method,
+            str(r.run),
+            significant(r.cost, 6),
+            significant(r.rmse, 4),
+            run_status(r.status),
+            count(r.evaluations),
+            count(r.failures),
+            seconds(r.seconds),
+        )
+        for r in ordered
+    )
+    cut = f": the {MOST_RUNS} lowest of {len(runs)}" if len(runs) > MOST_RUNS else ""
+    head = ("method", "run", "final cost", "RMSE", "how it ended", "evaluations", "failed simulations", "time")
+    return Table(f"Runs, lowest cost first{cut}", head, rows, frozenset({1, 2, 3, 5, 6, 7}))
+
+
+def basins_table(basins: list[Basin]) -> Table:
+    """Minima that the runs ended in."""
+    names = list(dict.fromkeys(name for b in basins for name in b.parameters))
+    rows = tuple(
+        (significant(b.cost, 6), str(b.runs), share(b.share), *(significant(b.parameters.get(n)) for n in names)) for b in basins[:MOST_RUNS]
+    )
+    return Table("Minima found", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names))))
+
+
+def simulation_table(simulation: Simulation) -> Table:
+    """Errors of the simulation beside the residuals, which they must stay far below."""
+    rows = tuple(
+        (name, quantity(o.max_error, o.unit), quantity(o.rms_error, o.unit), quantity(o.rms_residual, o.unit), _ratio(o.rms_error, o.rms_residual))
+        for name, o in simulation.outputs.items()
+    )
+    head = ("output", "largest error", "RMS error", "RMS residual", "RMS error / RMS residual")
+    return Table("Error of the simulation against a tight solver", head, rows, frozenset({1, 2, 3, 4}))
+
+
+def quantity(value: Number, unit: str | None, digits: int = 3) -> str:
+    """A number with its unit."""
+    label = unit_label(unit)
+    return significant(value, digits) + (f" {label}" if label and value is not None else "")
+
+
+def per_cent(value: Number) -> str:
+    """A number that is in per cent already."""
+    return UNKNOWN if value is None else f"{significant(value, 3)} %"
+
+
+def substeps(value: object) -> str:
+    """Substeps per sample: one number, or one per recording."""
+    if isinstance(value, dict):
+        return listed(f"{steps} in {name}" for name, steps in value.items())
+    if isinstance(value, list):
+        return listed(str(v) for v in value)
+    return UNKNOWN if value is None else str(value)
+
+
+def _bounds(p: Parameter) -> str:
+    if p.lower_bound is None or p.upper_bound is None:
+        return UNKNOWN
+    mark = {"lower": ("▸ ", ""), "upper": ("", " ◂"), None: ("", "")}[p.at_bound]
+    log = " (log)" if p.scale == "log" else ""
+    return f"{mark[0]}{significant(p.lower_bound)} to {significant(p.upper_bound)}{mark[1]}{log}"
+
+
+def _ratio(error: Number, residual: Number) -> str:
+    return significant(error / residual, 2) if error is not None and residual else UNKNOWN

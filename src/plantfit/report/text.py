@@ -1,0 +1,62 @@
+"""The verdict and the parameters as plain text for a terminal."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from plantfit.report.numbers import interval, plus_minus, significant
+from plantfit.report.schema import Findings, Parameter, Score, read_findings
+from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
+
+WIDTH = 100
+
+
+def summary_text(findings: Mapping[str, Any]) -> str:
+    """Title, verdict, scores and parameters, at most about 100 characters wide; PlantfitError as for `write_report`."""
+    record = read_findings(findings)
+    blocks = [f"{_line(record.name)}\n{textwrap.fill(_line(subtitle(record)), WIDTH)}", _verdict(record)]
+    blocks += [_scores(record.scores), no_validation(record) if record.recordings else ""]
+    blocks.append(_parameters(record.parameters))
+    return "\n\n".join(block for block in blocks if block)
+
+
+def _verdict(record: Findings) -> str:
+    lines = []
+    for v in record.verdict:
+        word = LEVELS[v.level][0]
+        lines.append(textwrap.fill(_line(v.sentence), WIDTH, initial_indent=f"{word + ':':<9}", subsequent_indent=" " * 9))
+    return "\n".join(lines)
+
+
+def _scores(scores: Sequence[Score]) -> str:
+    rows = [
+        (s.recording, s.output, s.part, significant(s.rmse, 3, True), s.unit or "", significant(s.fit_percent, 3, True), str(s.n))
+        for s in scores
+    ]
+    return columns(("recording", "output", "part", "RMSE", "unit", "fit %", "samples"), rows, right=(3, 5, 6))
+
+
+def _parameters(parameters: Sequence[Parameter]) -> str:
+    rows = [
+        (p.name, plus_minus(p.value, p.standard_error, True), p.unit or "", interval(p.low, p.high, True), parameter_status(p).split(":")[0])
+        for p in parameters
+    ]
+    return columns(("parameter", "value", "unit", "95 % interval", "status"), rows)
+
+
+def columns(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> str:
+    """Rows of text under headings, padded; the columns in `right` align right. Empty without rows."""
+    if not rows:
+        return ""
+    lines = [tuple(head), *(tuple(_line(cell) for cell in row) for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    padded = [
+        "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))).rstrip()
+        for line in lines
+    ]
+    return "\n".join([padded[0], "-" * min(WIDTH + 20, sum(widths) + 2 * len(widths) - 2), *padded[1:]])
+
+
+def _line(text: str) -> str:
+    """Text on one line, without control characters that a terminal would obey."""
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -1,0 +1,199 @@
+"""Simulate a model over the time axis and inputs of one recording."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SimulationError
+from plantfit.models.model import Model
+from plantfit.simulate.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
+from plantfit.simulate.rollout import make_rollout
+from plantfit.simulate.steppers import STEPPERS
+from plantfit.simulate.vector import VectorModel, vectorise
+
+import jax
+import jax.numpy as jnp
+
+
+class Drive(NamedTuple):
+    """The numbers of one recording that a simulation needs; a pytree, passed rather than compiled in."""
+
+    t: Any  # (N,) s
+    value: tuple[Any, ...]  # per input (N,)
+    slope: tuple[Any, ...]  # per input (N,), 1/s
+    delayed: tuple[Pieces, ...]  # per delayed channel
+    first_input: tuple[Any, ...]  # per channel, at the first sample
+    first_output: tuple[Any, ...]  # per output, first measured value or nan
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """`outputs(p, drive)` and `states(p, drive)` for named parameter values; pure jax functions.
+
+    `stepper` is "rosenbrock" (stiff, default) or "rk4"; `substeps` divides every step of the grid.
+    A smooth input that is interpolated, or a right-hand side that uses t, makes steps `varying`.
+    """
+
+    vector: VectorModel
+    stepper: str = "rosenbrock"
+    substeps: int = 1
+    interpolated: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, model: Model, *, stepper: str = "rosenbrock", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
+        """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
+        hold = dict(hold or {})
+        if stepper not in STEPPERS:
+            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted(STEPPERS)}.")
+        if substeps < 1:
+            raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
+        for name, kind in hold.items():
+            if name not in model.inputs:
+                raise SimulationError(f"hold names {name!r}, which is not one of the inputs {list(model.inputs)}.")
+            if kind not in (Held.PREVIOUS, Held.LINEAR):
+                raise SimulationError(f"hold of input {name!r} is {kind!r}; use 'previous' or 'linear'.")
+        return cls(vectorise(model), stepper, substeps, tuple(n for n, k in hold.items() if k == Held.LINEAR))
+
+    def refined(self, factor: int) -> "Simulator":
+        """The same with `factor` times as many substeps."""
+        return Simulator(self.vector, self.stepper, self.substeps * factor, self.interpolated)
+
+    @property
+    def varying(self) -> bool:
+        return bool(self.interpolated) or self.vector.uses_time
+
+    def drive(
+        self,
+        t: np.ndarray,
+        inputs: Mapping[str, np.ndarray],
+        *,
+        before: Mapping[str, float] | None = None,
+        measured: Mapping[str, np.ndarray] | None = None,
+    ) -> Drive:
+        """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first value).
+
+        `measured` outputs are used only for `initial_state`, through their first value that is not missing.
+        """
+        before, measured = dict(before or {}), dict(measured or {})
+        model = self.vector.model
+        t = np.asarray(t, dtype=float)
+        value, slope, history = [], [], {}
+        for name in model.inputs:
+            if name not in inputs:
+                raise SimulationError(f"Model {model.name!r} needs the input {name!r}, which the recording does not have.")
+            u = np.asarray(inputs[name], dtype=float)
+            if not np.all(np.isfinite(u)):
+                k = int(np.argmin(np.isfinite(u)))
+                raise SimulationError(
+                    f"Input {name!r} is missing at sample {k} ({t[k]:g} s); an input needs a value everywhere: fill its gaps or cut the recording there."
+                )
+            v, s = sampled_pieces(t, u, self._hold(name))
+            value.append(v)
+            slope.append(s)
+            history[name] = float(before.get(name, u[0]))
+        delayed = tuple(
+            delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input]) for d in model.delays
+        )
+        first = [v[0] for v in value] + [history[d.input] for d in model.delays] + [t[0]]
+        seen = []
+        for name in model.outputs:
+            y = np.asarray(measured.get(name, [np.nan]), dtype=float)
+            finite = y[np.isfinite(y)]
+            seen.append(finite[0] if len(finite) else np.nan)
+        return Drive(t, tuple(value), tuple(slope), delayed, tuple(map(float, first)), tuple(map(float, seen)))
+
+    def _hold(self, name: str) -> str:
+        return Held.LINEAR if name in self.interpolated else Held.PREVIOUS
+
+    def outputs(self, p: Mapping[str, Any], drive: Drive) -> dict[str, Any]:
+        """Every output at every sample, name -> (N,)."""
+        vector = self.vector
+        x = self.states(p, drive)
+        channels = (*drive.value, *(jnp.take(c, rank) for c, rank in self._at_samples(p, drive)), drive.t)
+        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, channels, self._vector(p))
+        return dict(zip(vector.outputs, y, strict=True))
+
+    def states(self, p: Mapping[str, Any], drive: Drive) -> tuple[Any, ...]:
+        """Every state at every sample, a tuple of (N,) in the order of the model."""
+        if not self.vector.states:
+            return ()
+        steps, z = self._steps(p, drive)
+        fine = _rollout(self)(self._vector(p), self.initial(p, drive), _divided(z, self.substeps))
+        return tuple(jnp.take(x, steps.rank * self.substeps) for x in fine)
+
+    def initial(self, p: Mapping[str, Any], drive: Drive) -> tuple[Any, ...]:
+        """The states at the first sample."""
+        model = self.vector.model
+        if model.initial_state is None:
+            return tuple(jnp.zeros(()) for _ in self.vector.states)
+        u0 = dict(zip(self.vector.channels, drive.first_input, strict=True))
+        y0 = dict(zip(self.vector.outputs, drive.first_output, strict=True))
+        x0 = model.initial_state(dict(p), u0, y0)
+        missing = [n for n in self.vector.states if n not in x0]
+        if missing:
+            raise SimulationError(f"Model {model.name!r}: initial_state gives no value for the state {missing[0]!r}; return every state.")
+        return tuple(jnp.asarray(x0[n], dtype=float) for n in self.vector.states)
+
+    def _vector(self, p):
+        return tuple(jnp.asarray(p[n], dtype=float) for n in self.vector.parameters)
+
+    def _delays(self, p):
+        return tuple(p[d.parameter] for d in self.vector.model.delays)
+
+    def _steps(self, p, drive: Drive):
+        """The grid, and per step (inputs at its start, inputs at its end, length)."""
+        delays = self._delays(p)
+        if delays:
+            steps = merge(drive.t, tuple(c.knots for c in drive.delayed), delays)
+        else:
+            n = drive.t.shape[0]
+            steps = Steps(drive.t[:-1], drive.t[1:] - drive.t[:-1], jnp.arange(n - 1), (), jnp.arange(n))
+        end = steps.start + steps.length
+        at_start, at_end = [], []
+        for value, slope in zip(drive.value, drive.slope, strict=True):
+            v, s, origin = (jnp.take(a, steps.sample) for a in (value, slope, drive.t))
+            at_start.append(v + s * (steps.start - origin))
+            at_end.append(v + s * (end - origin))
+        for pieces, index, delay in zip(drive.delayed, steps.piece, delays, strict=True):
+            v, s, origin = (jnp.take(a, index) for a in (pieces.value, pieces.slope, pieces.origin))
+            at_start.append(v + s * (steps.start - delay - origin))
+            at_end.append(v + s * (end - delay - origin))
+        at_start.append(steps.start)
+        at_end.append(end)
+        return steps, (tuple(at_start), tuple(at_end), steps.length)
+
+    def _at_samples(self, p, drive: Drive):
+        """Delayed channels at the samples, for outputs that read them."""
+        for pieces, delay in zip(drive.delayed, self._delays(p), strict=True):
+            late = drive.t - delay
+            index = jnp.searchsorted(pieces.knots, late, side="right")
+            v, s, origin = (jnp.take(a, index) for a in (pieces.value, pieces.slope, pieces.origin))
+            yield v + s * (late - origin), jnp.arange(drive.t.shape[0])
+
+
+def _divided(z, m: int):
+    """Every step in m equal parts, the inputs linear inside."""
+    if m == 1:
+        return z
+    start, end, length = z
+    share = jnp.arange(m) / m
+
+    def between(a, b, offset):
+        return (a[:, None] + (b - a)[:, None] * (share + offset)).reshape(-1)
+
+    begins = tuple(between(a, b, 0.0) for a, b in zip(start, end, strict=True))
+    ends = tuple(between(a, b, 1.0 / m) for a, b in zip(start, end, strict=True))
+    return begins, ends, jnp.repeat(length / m, m)
+
+
+def _rollout(simulator: Simulator):
+    step, rate, varying = STEPPERS[simulator.stepper], simulator.vector.rate, simulator.varying
+
+    def one(p, x, z):
+        u0, u1, h = z
+        return step(rate, x, u0, u1, h, p, varying)
+
+    return make_rollout(one)

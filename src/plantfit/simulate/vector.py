@@ -1,0 +1,70 @@
+"""A model's named functions as functions of tuples of scalars, the form that the steppers use.
+
+Tuples rather than stacked arrays: in a batch every state is then one contiguous array, and XLA
+fuses a whole step into one loop.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import ModelError
+from plantfit.models.model import Model
+
+import jax
+import jax.numpy as jnp
+
+Scalars = tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class VectorModel:
+    """`rate(x, u, p)` and `output(x, u, p)` on tuples in the order of the names given here.
+
+    `channels` are the inputs, then the delayed copies, then "t".
+    """
+
+    model: Model
+    states: tuple[str, ...]
+    channels: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    rate: Callable[[Scalars, Scalars, Scalars], Scalars]
+    output: Callable[[Scalars, Scalars, Scalars], Scalars]
+    uses_time: bool
+
+
+def vectorise(model: Model) -> VectorModel:
+    """Turn named functions into positional ones; raises ModelError when they return the wrong names."""
+    states, outputs = tuple(model.states), tuple(model.outputs)
+    channels = (*model.inputs, *(d.channel for d in model.delays), "t")
+    parameters = tuple(p.name for p in model.parameters)
+
+    def named(x, u, p):
+        return dict(zip(states, x, strict=True)), dict(zip(channels, u, strict=True)), dict(zip(parameters, p, strict=True))
+
+    def rate(x, u, p):
+        if model.derivative is None:
+            return ()
+        return _picked(model.derivative(*named(x, u, p)), states, model, "derivative")
+
+    def output(x, u, p):
+        return _picked(model.output(*named(x, u, p)), outputs, model, "output")
+
+    used = _uses(rate, len(states), len(channels), len(parameters))
+    return VectorModel(model, states, channels, outputs, parameters, rate, output, used)
+
+
+def _picked(values, names, model, what):
+    missing = [n for n in names if n not in values]
+    if missing:
+        raise ModelError(f"Model {model.name!r}: {what}(x, u, p) returned {sorted(values)}, without {missing[0]!r}; return every name.")
+    return tuple(jnp.asarray(values[n], dtype=float) for n in names)
+
+
+def _uses(rate, n, channels, parameters) -> bool:
+    """Whether the last channel, time, enters the right-hand side."""
+    jaxpr = jax.make_jaxpr(rate)((1.0,) * n, (1.0,) * channels, (1.0,) * parameters).jaxpr
+    time = jaxpr.invars[n + channels - 1]
+    return any(v is time for e in jaxpr.eqns for v in e.invars) or any(v is time for v in jaxpr.outvars)

@@ -1,0 +1,42 @@
+"""Runs that found the same cost, and how far apart their answers lie."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Runs of one cost: `members` (indices into the runs, best first), their `share` of all runs.
+
+    `cost` and `x` (d,) are those of the best member; `spread` (d,) is the widest difference of each
+    coordinate within the basin. One cost with a wide spread means a direction that the data leave free.
+    """
+
+    cost: float
+    members: tuple[int, ...]
+    share: float
+    x: np.ndarray
+    spread: np.ndarray
+
+
+def basins(costs: Any, x: Any, tolerance: float = 1e-6, floor: float = 0.0) -> list[Basin]:
+    """Clusters of costs (n,) at x (n, d), best first; runs without a finite cost belong to none.
+
+    A basin holds every run within `tolerance` * |cost| + `floor` above its best. `floor` is an
+    absolute cost below which differences mean nothing (rounding of a perfect fit).
+    """
+    costs, x = np.asarray(costs, dtype=float), np.asarray(x, dtype=float)
+    order = [int(k) for k in np.argsort(costs, kind="stable") if np.isfinite(costs[k])]
+    groups: list[list[int]] = []
+    for k in order:
+        if groups and costs[k] <= _edge(costs[groups[-1][0]], tolerance, floor):
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    return [Basin(float(costs[g[0]]), tuple(g), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups]
+
+
+def _edge(best: float, tolerance: float, floor: float) -> float:
+    return best + tolerance * abs(best) + floor

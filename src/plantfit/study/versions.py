@@ -1,0 +1,31 @@
+"""What a result was computed with: bits are promised for equal versions on an equal CPU."""
+
+import importlib.metadata
+import platform
+from pathlib import Path
+
+PACKAGES = ("plantfit", "jax", "jaxlib", "numpy", "scipy")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, plantfit, jax, jaxlib, numpy and scipy, and the operating system."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found | {"system": f"{platform.system()} {platform.machine()}"}
+
+
+def cpu_model(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """The CPU as it calls itself, else the architecture."""
+    try:
+        lines = cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    for line in lines:
+        key, _, value = line.partition(":")
+        if key.strip() == "model name" and value.strip():
+            return value.strip()
+    return platform.processor() or platform.machine() or "unknown"

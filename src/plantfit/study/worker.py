@@ -1,0 +1,54 @@
+"""Who holds a task: a name for this process, and whether the process behind a name still lives."""
+
+import os
+import platform
+import uuid
+from pathlib import Path
+
+STALE_SECONDS = 60.0
+
+
+def new_worker() -> str:
+    """A name no other worker has: machine, process id, start of the process, a random part."""
+    pid = os.getpid()
+    return f"{_machine()}|{pid}|{_started(pid)}|{uuid.uuid4().hex}"
+
+
+def is_stale(claimed_by: str | None, heartbeat: float | None, now: float) -> bool:
+    """Whether a claim may be taken over: none, silent for a minute, or its process has ended here."""
+    if claimed_by is None or heartbeat is None:
+        return True
+    return now - heartbeat > STALE_SECONDS or _has_ended(claimed_by)
+
+
+def _has_ended(worker: str) -> bool:
+    """True only when sure: a process of this machine that is gone. Elsewhere the heartbeat decides."""
+    machine, pid, started, _ = worker.split("|")
+    if machine != _machine() or os.name != "posix":
+        return False
+    try:
+        os.kill(int(pid), 0)  # signal 0 only asks
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return started != _started(int(pid))  # a later process may have got the same id
+
+
+def _machine() -> str:
+    """Host name with, on Linux, the process namespace: containers may share a host name."""
+    try:
+        namespace = os.readlink("/proc/self/ns/pid")
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        namespace = boot = ""
+    return f"{platform.node()}/{boot}/{namespace}".replace("|", "")
+
+
+def _started(pid: int) -> str:
+    """Start of a process in clock ticks since boot, "" where that is not told or it is a zombie."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return "" if fields[0] in "ZX" else fields[19]

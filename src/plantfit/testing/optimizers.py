@@ -1,0 +1,174 @@
+"""Conformance suite for optimizers: what every method, built in or a plug-in, must keep.
+
+    from plantfit.testing import check_optimizer
+    check_optimizer(MyMethod())
+
+Every check raises AssertionError with a sentence; `CHECKS` lists them for parametrised tests.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from plantfit.errors import Status
+from plantfit.optimize import Checkpoint, Objective, RunResult, minimise
+from plantfit.testing.objectives import OUTSIDE, bowl, centre, corner, flat, hopeless
+
+BUDGET = 1500
+ALONE, SIDE = 3, 5  # the run taken alone, and how many run side by side
+
+
+def check_optimizer(method: Any) -> list[str]:
+    """Run every check on a registered name or a ready method; the names of the checks.
+
+    Raises AssertionError with what was expected and what came.
+    """
+    for check in CHECKS:
+        check(method)
+    return [check.__name__ for check in CHECKS]
+
+
+def check_bounds_and_budget(method: Any) -> None:
+    """No candidate outside the cube, no evaluation beyond the budget, a falling history."""
+    for budget in (BUDGET, 331):
+        for r in minimise(corner(3), method, runs=2, budget=budget, seed=4):
+            _expect(r.cost > OUTSIDE and np.all((r.x >= 0) & (r.x <= 1)), method, f"a candidate left the cube: {r.x}")
+            _expect(0 < r.evaluations <= budget, method, f"{r.evaluations} evaluations were spent of {budget}")
+            _expect(bool(np.all(np.diff(r.history_evaluations) > 0)), method, "history evaluations do not increase")
+            _expect(bool(np.all(np.diff(r.history_cost) <= 0)), method, "the best cost rose")
+            _expect(r.history_evaluations[-1] == r.evaluations and r.history_cost[-1] == r.cost, method, "the history does not reach the end")
+
+
+def check_calls_within_budget(method: Any) -> None:
+    """The charges of the calls that a host method really makes stay within the budget."""
+    charged = [0.0]
+    base = bowl(3)
+
+    def counted(function: Callable, charge: float) -> Callable:
+        def call(x: np.ndarray) -> Any:
+            charged[0] += charge
+            return function(x)
+
+        return call
+
+    assert base.value_and_gradient is not None and base.residuals_and_jacobian is not None
+    objective = dataclasses.replace(
+        base,
+        value_and_gradient=counted(base.value_and_gradient, base.gradient_charge),
+        residuals_and_jacobian=counted(base.residuals_and_jacobian, base.jacobian_charge),
+    )
+    [r] = minimise(objective, method, budget=331, seed=2)
+    _expect(charged[0] <= r.evaluations <= 331, method, f"derivatives worth {charged[0]} were called, {r.evaluations} booked, 331 allowed")
+
+
+def check_optimum_in_corner_beside_failures(method: Any) -> None:
+    """The best point lies in a corner of the cube and half of the cube cannot be simulated."""
+    results = minimise(corner(3), method, runs=3, budget=BUDGET, seed=1)
+    best = min(r.cost for r in results)
+    close = 0.05 if _is_random(method) else 0.0101
+    _expect(best <= close, method, f"the corner costs 0.01, but the best found was {best}")
+    _expect(all(r.failures > 0 for r in results), method, "failed candidates were not counted")
+    _expect(all(np.isfinite(r.cost) for r in results), method, "a failed candidate was taken for the best")
+
+
+def check_nothing_works(method: Any) -> None:
+    """When no candidate can be simulated the runs fail and nothing is raised."""
+    for r in minimise(hopeless(2), method, runs=2, budget=300, seed=1):
+        _expect(r.status is Status.failed and r.cost == np.inf, method, f"status {r.status} and cost {r.cost} without any working candidate")
+        _expect(r.failures > 0 and r.evaluations <= 300, method, f"{r.failures} failures in {r.evaluations} evaluations")
+
+
+def check_flat_and_one_dimension(method: Any) -> None:
+    """A flat cost over one coordinate is searched without an error."""
+    for r in minimise(flat(1), method, runs=2, budget=400, seed=1):
+        _expect(r.cost == 1.0 and r.status is not Status.failed, method, f"a flat cost of 1 came back as {r.cost} with status {r.status}")
+
+
+def check_same_seed_same_bits(method: Any) -> None:
+    """The same seed gives the same bits, another seed another search."""
+    one, two, other = (minimise(corner(3), method, runs=2, budget=600, seed=s) for s in (7, 7, 8))
+    _same(method, one, two, "the same seed")
+    _expect(
+        any(not np.array_equal(a.history_cost, b.history_cost) for a, b in zip(one, other, strict=True)), method, "the seed has no effect"
+    )
+
+
+def check_alone_equals_beside_others(method: Any) -> None:
+    """A run has the same bits alone and beside others."""
+    together = minimise(corner(3), method, runs=SIDE, budget=600, seed=7)
+    alone = minimise(corner(3), method, runs=1, first_run=ALONE, budget=600, seed=7)
+    _same(method, together[ALONE : ALONE + 1], alone, "a run taken alone")
+
+
+def check_resume_same_bits(method: Any) -> None:
+    """A search stopped in the middle and resumed from bytes ends with the same bits."""
+    whole = minimise(corner(3), method, runs=3, budget=600, seed=7)
+    kept: list[bytes] = []
+    polls = [0]
+
+    def stop() -> bool:
+        polls[0] += 1
+        return len(kept) >= 2 and polls[0] > 3
+
+    partial = minimise(corner(3), method, runs=3, budget=600, seed=7, checkpoint=lambda c: kept.append(c.to_bytes()), stop=stop)
+    _expect(bool(kept), method, "no checkpoint was sent")
+    _expect(len(partial) < 3 or partial[-1].status is Status.interrupted or len(kept) < 2, method, "the search did not stop when told to")
+    for data in kept:
+        resumed = minimise(corner(3), method, runs=3, budget=600, seed=7, resume=Checkpoint.from_bytes(data))
+        _same(method, whole, resumed, "a resumed search")
+
+
+def check_no_favoured_place(method: Any) -> None:
+    """Moving the optimum or reversing the coordinates does not change how well it is found."""
+    places = [_typical(method, objective) for objective in (bowl(3), bowl(3, moved=0.2), bowl(3, turned=True))]
+    _expect(max(places) - min(places) < 3 or max(places) < -10, method, f"log10 cost depends on the place of the optimum: {places}")
+
+
+def check_310_dimensions(method: Any) -> None:
+    """A large problem runs and gets better than the middle of the cube's neighbourhood."""
+    objective = bowl(310)
+    [r] = minimise(objective, method, budget=3000, seed=1)
+    _expect(r.x.shape == (310,), method, f"the answer has shape {r.x.shape}")
+    _expect(r.cost < float(np.asarray(objective.costs(_mirrored(310)))[0]), method, f"cost {r.cost} is no better than a bad point")
+
+
+CHECKS: list[Callable[[Any], None]] = [
+    check_bounds_and_budget,
+    check_calls_within_budget,
+    check_optimum_in_corner_beside_failures,
+    check_nothing_works,
+    check_flat_and_one_dimension,
+    check_same_seed_same_bits,
+    check_alone_equals_beside_others,
+    check_resume_same_bits,
+    check_no_favoured_place,
+    check_310_dimensions,
+]
+
+
+def _expect(condition: bool | np.bool_, method: Any, sentence: str) -> None:
+    if not condition:
+        raise AssertionError(f"Optimizer {method!r}: {sentence}.")
+
+
+def _same(method: Any, one: list[RunResult], two: list[RunResult], what: str) -> None:
+    _expect(len(one) == len(two), method, f"{what} gave {len(two)} runs, not {len(one)}")
+    for a, b in zip(one, two, strict=True):
+        for name in ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost", "failures"):
+            left, right = getattr(a, name), getattr(b, name)
+            _expect(np.array_equal(left, right), method, f"{what} differs in {name} of run {a.run}: {left} and {right}")
+
+
+def _typical(method: Any, objective: Objective) -> float:
+    costs = [r.cost for r in minimise(objective, method, runs=7, budget=BUDGET, seed=11)]
+    return float(np.log10(np.median(costs) + 1e-300))
+
+
+def _mirrored(dimension: int) -> np.ndarray:
+    return (1.0 - centre(dimension))[None]
+
+
+def _is_random(method: Any) -> bool:
+    return method == "random" or type(method).__name__ == "RandomSearch"

@@ -1,0 +1,318 @@
+"""What an answer is worth: one plain record from a problem and the runs that were made on it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SimulationError
+from plantfit.optimize.contract import RunResult
+from plantfit.problem.problem import Problem
+from plantfit.simulate.verify import against_radau, doubling_error
+from plantfit.study.basins import basins
+from plantfit.study.versions import cpu_model, versions
+from plantfit.trust.covariance import Block, covariance
+from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.verdict import sentences
+
+import jax
+import jax.numpy as jnp
+
+EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+
+
+@dataclass(frozen=True)
+class Local:
+    """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    standard_error: np.ndarray
+    at_bound: tuple[str | None, ...]
+    directions: tuple[Direction, ...]
+
+
+def linearise(problem: Problem, z: np.ndarray) -> Local:
+    """Covariance and flat directions at the cube point z (d,)."""
+    space = problem.space
+    residuals, jacobian = problem.residuals_and_jacobian(z)
+    gradient = jacobian.T @ residuals
+    lower, upper = (z <= EDGE) & (gradient >= 0), (z >= 1 - EDGE) & (gradient <= 0)
+    free = ~(lower | upper)
+    cube = covariance(jacobian, residuals, _blocks(problem), free)
+    values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
+    values, slope = np.asarray(values), np.asarray(slope)
+    physical = cube * slope[:, None] * slope[None, :]
+    variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
+    information = (jacobian.T @ jacobian) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
+    on = np.flatnonzero(free)
+    directions = flat_directions(
+        information[np.ix_(on, on)], values[on], (space.upper - space.lower)[on], tuple(space.names[i] for i in on)
+    )
+    bound = tuple("lower" if a else "upper" if b else None for a, b in zip(lower, upper, strict=True))
+    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions))
+
+
+def _blocks(problem: Problem) -> list[Block]:
+    blocks, start = [], 0
+    for name in problem.data["drive"]:
+        for output in problem.outputs:
+            index = problem.data["index"][name][output]
+            if len(index):
+                blocks.append(Block(slice(start, start + len(index)), index))
+            start += len(index)
+    return blocks
+
+
+def assess(
+    problem: Problem,
+    runs: Sequence[RunResult],
+    *,
+    seed: int,
+    spec: str | None = None,
+    command: str = "",
+    seconds: Mapping[str, float] | None = None,
+    verify: bool = True,
+) -> dict[str, Any]:
+    """The findings record (docs/architecture.md) for the best of `runs`; JSON types only."""
+    best = min(runs, key=lambda r: r.cost)
+    local = linearise(problem, best.x)
+    predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
+    findings = {
+        "name": problem.name,
+        "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
+        "scores": _scores(problem, predictions),
+        "residual_tests": _residual_tests(problem, predictions),
+        "parameters": _parameters(problem, local),
+        "combinations": [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in local.directions],
+        "runs": [_run(problem, r) for r in runs],
+        "basins": _basins(problem, runs),
+        "simulation": _simulation(problem, local.values, verify),
+        "reproduction": {
+            "spec": spec,
+            "seed": seed,
+            "versions": versions(),
+            "cpu": cpu_model(),
+            "seconds": dict(seconds or {}),
+            "command": command,
+        },
+    }
+    findings["verdict"] = sentences(findings, best)
+    return findings
+
+
+def _parts(problem: Problem, name: str):
+    experiment = problem.experiments[name]
+    return {"fit": experiment.mask("fit"), "validation": experiment.mask("validation")}
+
+
+def _recording(problem, name, predicted):
+    record = problem.experiments[name].recording
+    masks = _parts(problem, name)
+    part = np.where(masks["fit"], "fit", np.where(masks["validation"], "validation", ""))
+    inputs = getattr(problem.model, "inputs", None) or getattr(problem.model, "signals", {})
+    return {
+        "name": name,
+        "log": list(record.log),
+        "t": record.t.tolist(),
+        "inputs": {n: {"unit": record.signals[n].unit, "values": _listed(record[n])} for n in inputs if n not in problem.outputs},
+        "outputs": {
+            o: {
+                "unit": _unit(problem, o),
+                "measured": _listed(record[o]),
+                "simulated": _listed(predicted[o]),
+                "part": part.tolist(),
+            }
+            for o in problem.outputs
+        },
+    }
+
+
+def _unit(problem, output):
+    for experiment in problem.experiments.values():
+        if experiment.recording.signals[output].unit:
+            return problem.model.outputs[output] or experiment.recording.signals[output].unit
+    return problem.model.outputs[output]
+
+
+def _listed(values):
+    return [float(v) if np.isfinite(v) else None for v in np.asarray(values)]
+
+
+def _scores(problem, predictions):
+    result = []
+    for name, experiment in problem.experiments.items():
+        for output in problem.outputs:
+            y, fit = experiment.recording[output], predictions[name][output]
+            for part, mask in _parts(problem, name).items():
+                use = mask & np.isfinite(y)
+                if use.sum() < 2:
+                    continue
+                error = fit[use] - y[use]
+                spread = np.linalg.norm(y[use] - y[use].mean())
+                result.append(
+                    {
+                        "recording": name,
+                        "output": output,
+                        "unit": _unit(problem, output),
+                        "part": part,
+                        "n": int(use.sum()),
+                        "rmse": float(np.sqrt(np.mean(error**2))),
+                        "bias": float(error.mean()),
+                        "fit_percent": float(100 * (1 - np.linalg.norm(error) / spread)) if spread > 0 else None,
+                    }
+                )
+    return result
+
+
+def _residual_tests(problem, predictions):
+    result = []
+    inputs = getattr(problem.model, "inputs", {})
+    for name, experiment in problem.experiments.items():
+        record, mask = experiment.recording, experiment.mask("fit")
+        if mask.sum() < 20:
+            continue
+        period = float(np.median(np.diff(record.t)))
+        for output in problem.outputs:
+            residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
+            if not np.any(np.isfinite(residual)) or np.nanstd(residual) == 0:
+                continue
+            own, p_value = whiteness(residual)
+            cross = {}
+            for i in inputs:
+                u = record[i][mask]
+                if np.std(u) == 0:
+                    continue
+                c = cross_correlation(residual, u)
+                cross[i] = {
+                    "lags_s": (c.lags * period).tolist(),
+                    "values": c.values.tolist(),
+                    "bound": c.bound,
+                    "independent": independent(c),
+                }
+            result.append(
+                {
+                    "recording": name,
+                    "output": output,
+                    "lags_s": (own.lags * period).tolist(),
+                    "autocorrelation": own.values.tolist(),
+                    "bound": own.bound,
+                    "white": bool(p_value > 0.01),
+                    "p_value": p_value,
+                    "cross": cross,
+                }
+            )
+    return result
+
+
+def _parameters(problem, local):
+    result = []
+    space = problem.space
+    for i, c in enumerate(space.coordinates):
+        value, error = float(local.values[i]), float(local.standard_error[i])
+        share = error / (c.upper - c.lower) if not c.log else error / max(abs(value), 1e-300) / np.log(c.upper / c.lower)
+        relative = error / max(abs(value), 1e-300)
+        if local.at_bound[i]:
+            status = "at bound"
+        elif share > 0.2:
+            status = "flat"
+        elif share > 0.05 and relative > 0.25:
+            status = "weak"
+        else:
+            status = "determined"
+        result.append(
+            {
+                "name": c.name,
+                "unit": c.unit,
+                "value": value,
+                "standard_error": None if local.at_bound[i] else error,
+                "low": None if local.at_bound[i] else value - 1.96 * error,
+                "high": None if local.at_bound[i] else value + 1.96 * error,
+                "lower_bound": c.lower,
+                "upper_bound": c.upper,
+                "scale": "log" if c.log else "linear",
+                "at_bound": local.at_bound[i],
+                "status": status,
+            }
+        )
+    for name, p in space.parameters.items():
+        if p.value is not None and p.tied is None:
+            result.append(
+                {
+                    "name": name, "unit": p.unit, "value": p.value, "standard_error": None, "low": None, "high": None,
+                    "lower_bound": None, "upper_bound": None, "scale": p.scale, "at_bound": None, "status": "fixed",
+                }
+            )  # fmt: skip
+    return result
+
+
+def _run(problem, r):
+    values = np.asarray(problem.space.physical(r.x))
+    one = len(problem.outputs) == 1
+    return {
+        "method": r.method,
+        "run": r.run,
+        "seed": r.seed,
+        "cost": float(r.cost) if np.isfinite(r.cost) else None,
+        "rmse": float(np.sqrt(r.cost)) * (problem.scales[problem.outputs[0]] if one else 1.0) if np.isfinite(r.cost) else None,
+        "status": str(r.status),
+        "evaluations": float(r.evaluations),
+        "seconds": float(r.seconds),
+        "failures": int(r.failures),
+        "parameters": dict(zip(problem.space.names, values.tolist(), strict=True)),
+        "history": {"evaluations": np.asarray(r.history_evaluations).tolist(), "cost": _listed(r.history_cost)},
+        "extra": {k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list)},
+    }
+
+
+def _basins(problem, runs):
+    finite = [r for r in runs if np.isfinite(r.cost)]
+    if not finite:
+        return []
+    found = basins(np.array([r.cost for r in finite]), np.array([r.x for r in finite]))
+    return [
+        {
+            "cost": float(b.cost),
+            "runs": len(b.members),
+            "share": float(b.share),
+            "parameters": dict(zip(problem.space.names, np.asarray(problem.space.physical(b.x)).tolist(), strict=True)),
+        }
+        for b in found
+    ]
+
+
+def _simulation(problem, values, verify):
+    simulator = problem.predictor.simulator
+    if simulator is None or not simulator.vector.states:
+        return {"stepper": "none (static model)", "substeps": 0, "outputs": {}}
+    name = next(iter(problem.data["drive"]))
+    p = {k: float(v) for k, v in problem.space.tree(values, name).items()}
+    drive = problem.data["drive"][name]
+    how = "scipy Radau, rtol 1e-9"
+    try:
+        error = against_radau(simulator, p, drive, pieces=400) if verify else None
+    except SimulationError:
+        error = None
+    if error is None:
+        how = "step doubling"
+        estimate = doubling_error(simulator, p, drive)
+        worst = {k: float(np.max(v)) for k, v in estimate.items()}
+        rms = {k: float(np.sqrt(np.mean(v**2))) for k, v in estimate.items()}
+    else:
+        worst, rms = error.max_error, error.rms_error
+    rows = {}
+    for output in problem.outputs:
+        index, y = problem.data["index"][name][output], problem.data["measured"][name][output]
+        if not len(y):
+            continue
+        residual = problem.predict(values, name)[output][index] - y
+        rows[output] = {
+            "unit": _unit(problem, output),
+            "max_error": worst[output],
+            "rms_error": rms[output],
+            "rms_residual": float(np.sqrt(np.mean(residual**2))),
+        }
+    return {"stepper": simulator.stepper, "substeps": simulator.substeps, "checked_with": how, "outputs": rows}

@@ -1,0 +1,73 @@
+"""Is anything left in the residuals: autocorrelation, and correlation with the inputs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlations (k,) at `lags` (samples) and the half-width of their 95 % band under independence."""
+
+    lags: np.ndarray
+    values: np.ndarray
+    bound: float
+
+
+def autocorrelation(residuals: np.ndarray, lags: int) -> np.ndarray:
+    """Autocorrelations (lags + 1,) of a series (n,) in which missing samples are NaN."""
+    centred = np.nan_to_num(residuals - np.nanmean(residuals))
+    n = len(centred)
+    size = 1 << int(np.ceil(np.log2(2 * n)))
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    r = np.fft.irfft(spectrum, size)[: lags + 1]
+    return r / r[0] if r[0] > 0 else np.r_[1.0, np.zeros(lags)]
+
+
+def whiteness(residuals: np.ndarray, lags: int | None = None) -> tuple[Correlation, float]:
+    """Autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297."""
+    n = int(np.isfinite(residuals).sum())
+    lags = lags or max(1, min(40, n // 5))
+    r = autocorrelation(residuals, lags)
+    statistic = n * (n + 2) * float(np.sum(r[1:] ** 2 / (n - np.arange(1, lags + 1))))
+    return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(stats.chi2.sf(statistic, lags))
+
+
+def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | None = None) -> Correlation:
+    """Correlation of residual(t + lag) with signal(t), lags -k..k; positive lags: the past input is not explained.
+
+    Band: 1.96 sqrt(sum r_e r_u / n), the variance of the correlation of two independent
+    autocorrelated series (Bartlett, J. R. Stat. Soc. B 8 (1946) 27).
+    """
+    e = np.nan_to_num(residuals - np.nanmean(residuals))
+    u = signal - np.mean(signal)
+    n = len(e)
+    lags = lags or max(1, min(40, n // 5))
+    size = 1 << int(np.ceil(np.log2(2 * n)))
+    both = np.fft.irfft(np.fft.rfft(e, size) * np.conj(np.fft.rfft(u, size)), size)
+    values = np.r_[both[-lags:], both[: lags + 1]]
+    scale = np.sqrt(np.sum(e**2) * np.sum(u**2))
+    values = values / scale if scale > 0 else np.zeros(2 * lags + 1)
+    far = min(n - 1, 10 * lags)
+    joint = autocorrelation(e, far) * autocorrelation(u, far) if scale > 0 else np.r_[1.0, np.zeros(far)]
+    spread = max(1.0, float(joint[0] + 2 * joint[1:].sum())) / n
+    return Correlation(np.arange(-lags, lags + 1), values, 1.96 * float(np.sqrt(spread)))
+
+
+def independent(correlation: Correlation) -> bool:
+    """No lag beyond the band widened for the number of lags looked at (Sidak, 1 % in all)."""
+    k = len(correlation.values)
+    wide = stats.norm.isf(0.5 * (1.0 - 0.99 ** (1.0 / k))) / 1.96
+    return bool(np.max(np.abs(correlation.values)) <= wide * correlation.bound)
+
+
+def white_part(residuals: np.ndarray) -> float:
+    """Standard deviation of the part of the residual that changes from sample to sample.
+
+    From second differences (von Neumann's idea of 1941 taken to second order); an estimate of
+    measurement noise that slow model errors do not raise.
+    """
+    second = np.diff(residuals, 2)
+    second = second[np.isfinite(second)]
+    return float(np.sqrt(np.mean(second**2) / 6.0)) if len(second) else float("nan")

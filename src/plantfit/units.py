@@ -1,0 +1,183 @@
+"""Units that benches have: one pint registry, built on first use, and the spellings that people write."""
+
+import difflib
+import functools
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plantfit.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+DIMENSIONLESS = ("", "-", "–", "1")
+
+# names that pint lacks; prefixes (mNm, kOhm) follow by themselves
+_DEFINITIONS = (
+    "newton_meter = newton * meter = Nm",
+    "newton_meter_second = newton * meter * second = Nms",
+    "volt_second = volt * second = Vs",
+    "watt_second = watt * second = Ws",
+    "ampere_second = ampere * second = As",
+    "pwm = count = _ = PWM",
+    "tick = count",
+    "pulse = count",
+    "lsb = count = _ = LSB = digit",
+    "@alias ohm = Ohm",
+)
+
+_SPELLINGS = (
+    (r"[·⋅•∙×]", "*"),
+    (r"℃|°\s*C\b|\bdeg\.?\s+C\b", "degC"),
+    (r"℉|°\s*F\b|\bdeg\.?\s+F\b", "degF"),
+    (r"°", "deg"),
+    ("\N{OHM SIGN}", "Ω"),
+    (r"\^", "**"),
+    (r"\bkgm(?=\s*(\*\*)?\s*2)", "kg*m"),
+    (r"(?<=[A-Za-z])\.(?=[A-Za-z])", "*"),
+    (r"\b(mm|cm|dm|m|km|ms|s|min|rad|deg|A|K)(-?[1-4])(?![\d.])", r"\1**\2"),
+    (r"^\s*/", "1/"),
+)
+
+_SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+_ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
+_ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
+_COMMON = (
+    *("s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "ohm", "kohm", "W", "kW", "J", "N", "N*m", "m", "mm", "kg", "g"),
+    *("rad", "deg", "rad/s", "deg/s", "rpm", "Hz", "degC", "K", "%", "bar", "mbar", "Pa", "kPa", "l/min", "m^3/h", "PWM", "counts"),
+)
+
+
+@functools.cache
+def registry() -> "pint.UnitRegistry":
+    """The one registry; combine units of different origin only through it."""
+    import pint
+
+    built: pint.UnitRegistry = pint.UnitRegistry()
+    for definition in _DEFINITIONS:
+        built.define(definition)
+    return built
+
+
+def parse(unit: "str | pint.Unit") -> "pint.Unit":
+    """The pint unit for a text such as "V s/rad", "°C", "kg·m²" or "l/min".
+
+    "", "-" and "1" are dimensionless. Temperatures inside a product or quotient ("degC/s") count
+    as differences. Raises UnitError with close matches.
+    """
+    if not isinstance(unit, str):
+        return unit
+    return _parse(unit)
+
+
+@functools.lru_cache(maxsize=4096)
+def _parse(text: str) -> "pint.Unit":
+    spelled = _spell(text.strip())
+    if spelled in DIMENSIONLESS:
+        return registry().parse_units("")
+    # towers of powers would keep pint busy for ever
+    if not _ALLOWED.fullmatch(spelled) or re.search(r"\d{4}|\*\*[^A-Za-z]*\*\*", spelled):
+        raise UnitError(f"{text!r} is not a unit; write for example 'rad/s', 'N*m' or 'degC'.")
+    try:
+        found = registry().parse_units(spelled)
+        found.dimensionality  # noqa: B018  (some texts fail only here)
+    except Exception as error:  # pint's parser raises many kinds on free text
+        raise UnitError(f"{text!r} is not a known unit{_suggestion(spelled, error)}") from None
+    if any("decibel" in name or "neper" in name for name in found._units):
+        raise UnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
+    return found
+
+
+def _spell(text: str) -> str:
+    text = re.sub(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺]+", lambda run: "**" + run.group().translate(_SUPERSCRIPT), text)
+    for pattern, replacement in _SPELLINGS:
+        text = re.sub(pattern, replacement, text)
+    return text
+
+
+def _suggestion(text: str, error: Exception) -> str:
+    names = getattr(error, "unit_names", ())
+    unknown = (names if isinstance(names, str) else (names[0] if names else "")) or text
+    close = difflib.get_close_matches(unknown, _COMMON, n=3, cutoff=0.5)
+    rare = difflib.get_close_matches(unknown, [str(name) for name in registry()._units], n=3, cutoff=0.75)
+    close += [name for name in rare if name not in close]
+    if not close:
+        return "; write for example 'rad/s', 'N*m' or 'degC'."
+    return f"; did you mean {' or '.join(repr(name) for name in close[:3])}?"
+
+
+def known(unit: str) -> bool:
+    """Whether `parse` understands the text."""
+    try:
+        parse(unit)
+    except UnitError:
+        return False
+    return True
+
+
+def dimension(unit: "str | pint.Unit") -> Any:
+    """Dimensionality of a unit (a comparable, hashable pint UnitsContainer); `%`, `rad` and counts have none."""
+    return parse(unit).dimensionality
+
+
+def compatible(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
+    """Whether values in `a` can be converted to `b`."""
+    a, b = parse(a), parse(b)
+    return a.dimensionality == b.dimensionality and not _cycles_against_angle(a, b)
+
+
+def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:
+    """(factor, offset) with value_in_target = factor * value_in_source + offset.
+
+    Raises UnitError for different dimensions, and between Hz and angles per time, where 1 Hz
+    could be 1 rad/s or one turn per second.
+    """
+    a, b = parse(source), parse(target)
+    if a == b and str(a) == str(b):
+        return 1.0, 0.0
+    if a.dimensionality != b.dimensionality:
+        raise UnitError(
+            f"Unit {str(source)!r} ({a.dimensionality or 'dimensionless'}) cannot be converted to {str(target)!r} "
+            f"({b.dimensionality or 'dimensionless'}); name the unit that the values really have."
+        )
+    if _cycles_against_angle(a, b):
+        raise UnitError(
+            f"Unit {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; "
+            "write 'turn/s' instead of 'Hz' if a cycle is one turn."
+        )
+    convert_units = registry().convert
+    factor = float(convert_units(1.0, _difference(a), _difference(b)))
+    zero = float(convert_units(0.0, a, b)) if _has_offset(a) or _has_offset(b) else 0.0
+    return factor, zero
+
+
+def convert(value: Any, source: "str | pint.Unit", target: "str | pint.Unit") -> Any:
+    """A number or array in `source` as float64 in `target`; raises UnitError as `factor_offset` does."""
+    factor, offset = factor_offset(source, target)
+    converted = np.asarray(value, dtype=float) * factor + offset
+    return converted if np.ndim(value) else float(converted)
+
+
+def per_second(unit: str) -> str:
+    """The unit of a time derivative, as text."""
+    return "1/s" if unit.strip() in DIMENSIONLESS else f"{unit}/s"
+
+
+def _has_offset(unit: "pint.Unit") -> bool:
+    return any(not registry()._units[name].is_multiplicative for name in unit._units if name in registry()._units)
+
+
+def _difference(unit: "pint.Unit") -> "pint.Unit":
+    return registry().Unit(f"delta_{unit}") if _has_offset(unit) else unit
+
+
+def _cycles_against_angle(a: "pint.Unit", b: "pint.Unit") -> bool:
+    def cycles(unit: "pint.Unit") -> bool:
+        return any(name.endswith("hertz") for name in unit._units)
+
+    def angle(unit: "pint.Unit") -> bool:
+        return any(name.endswith(_ANGLES) for name in unit._units)
+
+    return (cycles(a) and angle(b)) or (cycles(b) and angle(a))

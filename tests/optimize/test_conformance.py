@@ -1,0 +1,56 @@
+"""Every registered method keeps the contract; broken methods are caught by the suite."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from plantfit.optimize import methods
+from plantfit.optimize.random_search import RandomSearch
+from plantfit.testing import OPTIMIZER_CHECKS
+from plantfit.testing.optimizers import check_bounds_and_budget, check_no_favoured_place, check_same_seed_same_bits
+
+import jax.numpy as jnp
+
+
+@pytest.mark.parametrize("check", OPTIMIZER_CHECKS, ids=lambda c: c.__name__)
+@pytest.mark.parametrize("method", [m["name"] for m in methods()])
+def test_conformance(method, check):
+    check(method)
+
+
+@dataclass(frozen=True)
+class Outside(RandomSearch):
+    def ask(self, key, state):
+        x, state = super().ask(key, state)
+        return 1.2 * x, state
+
+
+@dataclass(frozen=True)
+class Stuck(RandomSearch):
+    def ask(self, key, state):
+        return jnp.full(state.shape, 0.75), state
+
+
+@dataclass(frozen=True)
+class Centred(RandomSearch):
+    """Knows where the optimum of the unmoved bowl lies."""
+
+    def ask(self, key, state):
+        from plantfit.testing.objectives import centre
+
+        x, state = super().ask(key, state)
+        return centre(state.shape[1]) + 1e-6 * (x - 0.5), state
+
+
+@pytest.mark.parametrize(
+    ("broken", "check", "words"),
+    [
+        (Outside(), check_bounds_and_budget, "left the cube"),
+        (Stuck(), check_same_seed_same_bits, "the seed has no effect"),
+        (Centred(), check_no_favoured_place, "depends on the place"),
+    ],
+    ids=["outside", "stuck", "centred"],
+)
+def test_suite_catches(broken, check, words):
+    with pytest.raises(AssertionError, match=words):
+        check(broken)
