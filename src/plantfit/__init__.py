@@ -1,1 +1,94 @@
-"""plantfit: physical parameters that can be trusted, from recordings of machines and processes."""
+"""plantfit: physical parameters that can be trusted, from recordings of machines and processes.
+
+Names are loaded when first used, so that importing plantfit stays quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plantfit import models, recording
+    from plantfit.errors import PlantfitError
+    from plantfit.fit import Answer, fit
+    from plantfit.models import equations
+    from plantfit.models.model import Declared, Delay, Model
+    from plantfit.optimize import methods, minimise
+    from plantfit.problem import Experiment, Problem, split
+    from plantfit.recording import Recording, Signal, from_arrays, from_frame, read, read_csv
+    from plantfit.report import write_report
+    from plantfit.space import Parameter, Space
+    from plantfit.spec import load
+    from plantfit.study import Plan, Store
+
+__version__ = "0.1.0"
+
+_PLACES = {
+    "Answer": "plantfit.fit",
+    "Declared": "plantfit.models.model",
+    "Delay": "plantfit.models.model",
+    "Experiment": "plantfit.problem",
+    "Model": "plantfit.models.model",
+    "Parameter": "plantfit.space",
+    "Plan": "plantfit.study",
+    "PlantfitError": "plantfit.errors",
+    "Problem": "plantfit.problem",
+    "Recording": "plantfit.recording",
+    "Signal": "plantfit.recording",
+    "Space": "plantfit.space",
+    "Store": "plantfit.study",
+    "equations": "plantfit.models",
+    "fit": "plantfit.fit",
+    "from_arrays": "plantfit.recording",
+    "from_frame": "plantfit.recording",
+    "load": "plantfit.spec",
+    "methods": "plantfit.optimize",
+    "minimise": "plantfit.optimize",
+    "read": "plantfit.recording",
+    "read_csv": "plantfit.recording",
+    "split": "plantfit.problem",
+    "write_report": "plantfit.report",
+}
+_ROOMS = ("models", "recording")
+
+__all__ = [
+    "Answer",
+    "Declared",
+    "Delay",
+    "Experiment",
+    "Model",
+    "Parameter",
+    "Plan",
+    "PlantfitError",
+    "Problem",
+    "Recording",
+    "Signal",
+    "Space",
+    "Store",
+    "equations",
+    "fit",
+    "from_arrays",
+    "from_frame",
+    "load",
+    "methods",
+    "minimise",
+    "models",
+    "read",
+    "read_csv",
+    "recording",
+    "split",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        value = getattr(import_module(_PLACES[name]), name)
+        globals()[name] = value  # the function `fit` must win over its module of the same name
+        return value
+    if name in _ROOMS:
+        return import_module(f"plantfit.{name}")
+    raise AttributeError(f"module 'plantfit' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

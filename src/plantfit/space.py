@@ -47,6 +47,10 @@ class Coordinate:
         return self.parameter if self.recording is None else f"{self.parameter}[{self.recording}]"
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
 class Space:
     """The free coordinates of a problem, in a fixed order, and how they become parameter values.
 
@@ -75,11 +79,13 @@ class Space:
                 self._root(name)
                 continue
             if p.value is not None:
-                if not np.isfinite(p.value):
+                if not _is_number(p.value) or not np.isfinite(p.value):
                     raise SpaceError(f"Parameter {name!r} is fixed at {p.value}, which is not a finite number.")
                 continue
             if p.bounds is None:
                 raise SpaceError(f"Parameter {name!r} has neither bounds nor a value; give bounds = [low, high] or value = number.")
+            if isinstance(p.bounds, str) or len(p.bounds) != 2 or not all(map(_is_number, p.bounds)):
+                raise SpaceError(f"Parameter {name!r} has bounds {p.bounds!r}; give two numbers [low, high].")
             low, high = (float(b) for b in p.bounds)
             if not (np.isfinite(low) and np.isfinite(high)):
                 raise SpaceError(f"Parameter {name!r} has bounds [{low:g}, {high:g}]; both must be finite numbers.")
@@ -90,7 +96,9 @@ class Space:
             if p.scale not in ("linear", "log"):
                 raise SpaceError(f"Parameter {name!r} has scale {p.scale!r}; use 'linear' or 'log'.")
             if p.scale == "log" and low <= 0:
-                raise SpaceError(f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = 'linear'.")
+                raise SpaceError(
+                    f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = 'linear'."
+                )
             for recording in self.recordings if p.per_recording else (None,):
                 yield Coordinate(name, recording, p.unit, low, high, p.scale == "log")
 
@@ -133,7 +141,12 @@ class Space:
             if p.value is not None:
                 result[name] = jnp.asarray(float(p.value))
             else:
-                result[name] = values[self._place[root, recording if p.per_recording else None]]
+                place = root, recording if p.per_recording else None
+                if place not in self._place:
+                    raise SpaceError(
+                        f"Parameter {root!r} has a value per recording, but not for {recording!r}; known: {list(self.recordings)}."
+                    )
+                result[name] = values[self._place[place]]
         return result
 
     def vector(self, named: Mapping[str, float]) -> np.ndarray:

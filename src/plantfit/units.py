@@ -12,7 +12,7 @@ from plantfit.errors import UnitError
 if TYPE_CHECKING:
     import pint
 
-DIMENSIONLESS = ("", "-", "–", "1")
+DIMENSIONLESS = ("", "-", "\N{EN DASH}", "1")
 
 # names that pint lacks; prefixes (mNm, kOhm) follow by themselves
 _DEFINITIONS = (
@@ -29,7 +29,7 @@ _DEFINITIONS = (
 )
 
 _SPELLINGS = (
-    (r"[·⋅•∙×]", "*"),
+    ("[·⋅•∙\N{MULTIPLICATION SIGN}]", "*"),
     (r"℃|°\s*C\b|\bdeg\.?\s+C\b", "degC"),
     (r"℉|°\s*F\b|\bdeg\.?\s+F\b", "degF"),
     (r"°", "deg"),

@@ -18,7 +18,11 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
         "verdict": [
             {"level": "good", "sentence": "The model explains 97.1 % of speed w on data it never saw.", "figures": {"fit_percent": 97.1}},
             {"level": "good", "sentence": "6 of 8 runs found the same minimum.", "figures": {"runs": 8, "share": 0.75}},
-            {"level": "warning", "sentence": "Tf lies at its lower bound of 1e-06 N*m; its interval is not valid.", "figures": {"bound": 1e-6}},
+            {
+                "level": "warning",
+                "sentence": "Tf lies at its lower bound of 1e-06 N*m; its interval is not valid.",
+                "figures": {"bound": 1e-6},
+            },
             {"level": "bad", "sentence": "Ks is not determined: the cost changes by less than 0.01 % between its bounds.", "figures": {}},
             {"level": "info", "sentence": "The simulation error is 0.3 % of the residual.", "figures": {"ratio": 0.003}},
         ],
@@ -73,7 +77,12 @@ def _recording(name: str, n: int, fit_share: float, rng: np.random.Generator) ->
         "t": t.tolist(),
         "inputs": {"u": {"unit": "V", "values": u.tolist()}},
         "outputs": {
-            "w": {"unit": "rad/s", "measured": [None if np.isnan(v) else v for v in measured.tolist()], "simulated": w.tolist(), "part": part},
+            "w": {
+                "unit": "rad/s",
+                "measured": [None if np.isnan(v) else v for v in measured.tolist()],
+                "simulated": w.tolist(),
+                "part": part,
+            },
             "i": {
                 "unit": "A",
                 "measured": (current + 0.03 * rng.standard_normal(n) + 0.04 * np.sin(9 * t)).tolist(),

@@ -1,4 +1,4 @@
-"""Run as a script by test_kill.py: works on a slow study until it is done or killed.
+"""Run as a script by test_study_kill.py: works on a slow study until it is done or killed.
 
 python killed_child.py DATABASE      starts study 1, or goes on with it
 """
@@ -14,7 +14,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
 from plantfit.study import Plan, Store, resume, run
 
-PLAN = Plan(name="killed", methods=("lbfgsb", "pso"), runs=3, budget=1200, seed=11, settings={"pso": {"population": 10}}, chunk=2)
+PLAN = Plan(name="killed", methods=("lbfgsb", "pso"), runs=3, budget=900, seed=11, settings={"pso": {"population": 10}}, chunk=2)
 
 
 def rosenbrock(z):
@@ -37,7 +37,7 @@ def objective(delay: float) -> Objective:
         return rosenbrock(z) + nothing
 
     def value_and_gradient(z):
-        time.sleep(delay / 4)
+        time.sleep(delay / 8)
         value, gradient = slope(z)
         return float(value), np.asarray(gradient)
 

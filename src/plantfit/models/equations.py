@@ -1,6 +1,6 @@
 """Equations written as text to a model."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -245,8 +245,7 @@ class _Builder:
         constants = {n: d.constants[n].value for n in sorted(read & set(d.constants))}
 
         def function(x: Named, u: Named, p: Named) -> Named:
-            values: dict[str, Any] = {n: jnp.asarray(c) for n, c in constants.items()}
-            values |= {n: p[n] for n in from_parameters} | {n: u[n] for n in from_input} | {n: x[n] for n in from_state}
+            values = _arrays(constants, constants) | _arrays(p, from_parameters) | _arrays(u, from_input) | _arrays(x, from_state)
             for name, evaluate in needed:
                 values[name] = evaluate(values)
             return _one_shape({name: evaluate(values) for name, evaluate in results.items()}, x, u, p)
@@ -260,12 +259,17 @@ class _Builder:
         read = set().union(*(n.names() for n in self.initial.values() if isinstance(n, Node)))
 
         def initial_state(p: Named, u0: Named, y0: Named) -> Named:
-            values: dict[str, Any] = {n: jnp.asarray(c) for n, c in constants.items()}
+            values = _arrays(constants, constants)
             for source, names in ((p, d.parameters), (u0, d.inputs), (y0, d.outputs)):
-                values |= {n: source[n] for n in names if n in read}
+                values |= _arrays(source, [n for n in names if n in read])
             return _one_shape({s: evaluate(values) for s, evaluate in given.items()}, p, u0, y0)
 
         return initial_state
+
+
+def _arrays(source: Named, names: Iterable[str]) -> dict[str, Any]:
+    """Named values as float64 arrays, for which 1/0 is infinite and not an error."""
+    return {n: jnp.asarray(source[n], dtype=float) for n in names}
 
 
 def _one_shape(results: Named, *given: Named) -> Named:

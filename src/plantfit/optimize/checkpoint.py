@@ -48,7 +48,9 @@ class Checkpoint:
                 return Checkpoint(head["identity"], runs, arrays, table["history"])
         except Exception as error:
             # a damaged archive can fail in zipfile, numpy or json; all mean the same to the caller
-            raise SearchError(f"A checkpoint of {len(data)} bytes cannot be read ({type(error).__name__}); start the search anew.") from error
+            raise SearchError(
+                f"A checkpoint of {len(data)} bytes cannot be read ({type(error).__name__}); start the search anew."
+            ) from error
 
 
 _PLAIN = ("method", "run", "seed", "cost", "evaluations", "seconds", "failures", "extra")

@@ -246,10 +246,18 @@ class _Group:
                 at, costs = np.append(at, generations * self.rows), np.append(costs, cost)
             results.append(
                 RunResult(
-                    method=self.plan.name, run=self.plan.first_run + len(self.finished) + k, seed=self.plan.seed,
-                    x=np.array(carry.best_x[k]), cost=cost, evaluations=float(generations * self.rows), seconds=times["seconds"],
-                    status=status, history_evaluations=at.astype(float), history_cost=np.array(costs, dtype=float),
-                    failures=int(carry.failures[k]), extra={**self.extra, "compile_seconds": times["compile"]},
+                    method=self.plan.name,
+                    run=self.plan.first_run + len(self.finished) + k,
+                    seed=self.plan.seed,
+                    x=np.array(carry.best_x[k]),
+                    cost=cost,
+                    evaluations=float(generations * self.rows),
+                    seconds=times["seconds"],
+                    status=status,
+                    history_evaluations=at.astype(float),
+                    history_cost=np.array(costs, dtype=float),
+                    failures=int(carry.failures[k]),
+                    extra={**self.extra, "compile_seconds": times["compile"]},
                 )  # fmt: skip
             )
         return results

@@ -1,1 +1,48 @@
+"""Recordings: read from files and arrays, described, cleaned, split, written."""
 
+from plantfit.recording.adjust import convert_units, detrend, scale, subtract
+from plantfit.recording.arrays import from_arrays, read_mat, read_npz
+from plantfit.recording.csv import read_csv
+from plantfit.recording.derivative import differentiate
+from plantfit.recording.description import ColumnSummary, Description, describe
+from plantfit.recording.filters import lowpass
+from plantfit.recording.gaps import fill_gaps
+from plantfit.recording.outliers import drop_outliers
+from plantfit.recording.parts import cut, shift_time, split
+from plantfit.recording.readers import read
+from plantfit.recording.record import Recording, Signal
+from plantfit.recording.resampling import decimate, resample
+from plantfit.recording.sampling import period_of
+from plantfit.recording.tables import from_frame, read_parquet, read_xlsx
+from plantfit.recording.write import to_csv
+
+__all__ = [
+    "ColumnSummary",
+    "Description",
+    "Recording",
+    "Signal",
+    "convert_units",
+    "cut",
+    "decimate",
+    "describe",
+    "detrend",
+    "differentiate",
+    "drop_outliers",
+    "fill_gaps",
+    "from_arrays",
+    "from_frame",
+    "lowpass",
+    "period_of",
+    "read",
+    "read_csv",
+    "read_mat",
+    "read_npz",
+    "read_parquet",
+    "read_xlsx",
+    "resample",
+    "scale",
+    "shift_time",
+    "split",
+    "subtract",
+    "to_csv",
+]

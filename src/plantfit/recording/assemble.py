@@ -81,7 +81,9 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
     return t, column, [sentence]
 
 
-def _chosen(table: Table, wanted: Mapping[str, str | int] | Sequence[str | int] | None, time: Column | None) -> tuple[dict[str, Column], list[str]]:
+def _chosen(
+    table: Table, wanted: Mapping[str, str | int] | Sequence[str | int] | None, time: Column | None
+) -> tuple[dict[str, Column], list[str]]:
     if isinstance(wanted, Mapping):
         chosen = {str(name): table.column(column, f"signal {name!r}") for name, column in wanted.items()}
         log = []
@@ -120,7 +122,9 @@ def _with_given_units(
     result = dict(units)
     for name, unit in given.items():
         if name not in units:
-            raise RecordingError(f"{table.source}: units names {name!r}{close_match(name, units)}, which is not one of the signals {list(units)}.")
+            raise RecordingError(
+                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not one of the signals {list(units)}."
+            )
         parse(unit)
         stated = units[name]
         if stated is not None and parse(stated) != parse(unit):
@@ -140,7 +144,8 @@ def _in_order(
     if len(back) and not sort:
         row = int(back[0]) + 1
         raise RecordingError(
-            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; give sort=True, or cut the file there if it holds two runs."
+            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; "
+            "give sort=True, or cut the file there if it holds two runs."
         )
     if len(back):
         order = np.argsort(t, kind="stable")

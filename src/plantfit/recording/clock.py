@@ -54,13 +54,17 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
     stated = column.unit or (suffix[1] if suffix else _BARE_UNITS.get(column.name.lower()))
     if stated is not None and not compatible(stated, "s"):
         if given is None:
-            raise UnitError(f"Time column {column.header!r} has unit {stated!r}, which is no time; choose another column or give time_unit='s'.")
+            raise UnitError(
+                f"Time column {column.header!r} has unit {stated!r}, which is no time; choose another column or give time_unit='s'."
+            )
         stated = None
     if given is not None:
         if not compatible(given, "s"):
             raise UnitError(f"time_unit {given!r} is no unit of time; use 's', 'ms', 'us', 'min' or 'h'.")
         if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
-            raise UnitError(f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header.")
+            raise UnitError(
+                f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header."
+            )
         return given, "given"
     return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
 
@@ -93,7 +97,9 @@ def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
 
 def _no_gaps(table: Table, column: Column, there: np.ndarray) -> None:
     if not there.all():
-        raise RecordingError(f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete that row.")
+        raise RecordingError(
+            f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete that row."
+        )
 
 
 def _from_temporal(table: Table, column: Column) -> np.ndarray:
@@ -126,7 +132,9 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
     try:
         values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]
     except TypeError:
-        raise RecordingError(f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all alike.") from None
+        raise RecordingError(
+            f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all alike."
+        ) from None
     return values, f"Time from the timestamps {column.header!r}, in seconds from {start}."
 
 
@@ -139,4 +147,6 @@ def _past_midnight(values: np.ndarray, column: Column) -> tuple[np.ndarray, str]
     days = np.concatenate([[0], np.cumsum(np.diff(values) < -43200)])
     tail = f", past midnight {int(days[-1])} times" if days[-1] else ""
     # rounding to the nanosecond takes back what the subtraction of a large clock reading left behind
-    return np.round(values - values[0] + 86400.0 * days, 9), f"Time from the clock readings {column.header!r}, in seconds from the first{tail}."
+    return np.round(
+        values - values[0] + 86400.0 * days, 9
+    ), f"Time from the clock readings {column.header!r}, in seconds from the first{tail}."

@@ -9,7 +9,6 @@ from plantfit.errors import RecordingError
 from plantfit.recording.columns import Column, Table
 
 MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?")
-_POINT = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?")
 
 
@@ -39,19 +38,14 @@ def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool
     text = clean_text(cells)
     point = text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
     bad = (point.is_null() & text.is_not_null()).to_numpy()
-    comma_read = bool(bad.any()) and table.decimal != "."
-    if comma_read:
+    pointed = text.str.contains(".", literal=True).fill_null(False)
+    comma_read = False
+    # one column must not mix the two marks: 1.5 and 1,5 could differ by a thousand
+    if table.decimal == "," or (table.decimal == "auto" and bad.any() and not pointed.any()):
         comma = text.str.replace(",", ".", literal=True).cast(pl.Float64, strict=False)
-        # one column must not mix the two marks: 1.5 and 1,5 could differ by a thousand
-        pointed = text.str.contains(".", literal=True).fill_null(False)
-        if table.decimal == "," or not bool(pointed.any()):
-            point = comma
-            if table.decimal == ",":
-                point = pl.select(pl.when(pointed).then(None).otherwise(comma)).to_series()
-        else:
-            comma_read = False
+        point = pl.select(pl.when(pointed).then(None).otherwise(comma)).to_series()
         bad = (point.is_null() & text.is_not_null()).to_numpy()
-        comma_read = comma_read and bool(text.str.contains(",", literal=True).any())
+        comma_read = bool(text.str.contains(",", literal=True).any())
     return point.fill_null(np.nan).to_numpy().copy(), np.flatnonzero(bad), comma_read
 
 
@@ -71,6 +65,8 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
             f"{table.where(row)}, column {column.header!r}: {str(column.cells[row])!r} is not a number; "
             f"correct that cell, empty it, or choose another column for {purpose}."
         )
+    if comma and table.decimal == "auto":
+        _refuse_both_marks(table, column)
     log = [f"Column {column.header!r} was read with a decimal comma."] if comma else []
     infinite = int(np.isinf(values).sum())
     if infinite:
@@ -82,3 +78,13 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
     if missing:
         log.append(f"{missing} of {len(values)} values of {column.header!r} are missing.")
     return values, log
+
+
+def _refuse_both_marks(table: Table, comma: Column) -> None:
+    """Where other columns have decimal points, a comma may part thousands: then nothing is guessed."""
+    for other in table.columns:
+        if other.cells.dtype == pl.String and other.cells.str.contains(r"^\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*$").any():
+            raise RecordingError(
+                f"{table.source}: column {comma.header!r} has commas in its numbers but {other.header!r} has points; "
+                "write both alike, or give decimal=',' or decimal='.'."
+            )

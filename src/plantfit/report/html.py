@@ -19,7 +19,14 @@ from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
 from plantfit.report.schema import Findings, Recording, ResidualTest, array, read_findings
 
-CONFIG = {"showSendToCloud": False, "displaylogo": False, "responsive": True, "toImageButtonOptions": {"format": "svg"}}
+_UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
+CONFIG = {
+    "showSendToCloud": False,
+    "displaylogo": False,
+    "responsive": True,
+    "toImageButtonOptions": {"format": "svg"},
+    "modeBarButtonsToRemove": _UNUSED_BUTTONS,
+}
 POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
 _CODES = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -57,7 +64,9 @@ def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
     try:
         _replace(path, text)
     except OSError as error:
-        raise StoreError(f"The report could not be written to {path} ({error.strerror}); free some space or choose another folder.") from None
+        raise StoreError(
+            f"The report could not be written to {path} ({error.strerror}); free some space or choose another folder."
+        ) from None
     return path
 
 
@@ -156,13 +165,19 @@ def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any
     outputs = sentences.listed(with_unit(name, output.unit) for name, output in recording.outputs.items())
     label = f"Recording {recording.name}: {outputs} measured and simulated over time, residuals below, then the inputs."
     figure = drawings.add(figures.fit_figure(recording, points), label)
-    return {"recording": recording, "figure": figure, "parts": [p for p in ("fit", "validation") if p in parts], "note": " ".join(filter(None, notes))}
+    return {
+        "recording": recording,
+        "figure": figure,
+        "parts": [p for p in ("fit", "validation") if p in parts],
+        "note": " ".join(filter(None, notes)),
+    }
 
 
 def _test(test: ResidualTest, drawings: Drawings) -> dict[str, Any]:
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
-    auto = figures.stem_figure(lags, array(test.autocorrelation), bound, "autocorrelation")
+    later = lags > 0  # lag 0 is always 1
+    auto = figures.stem_figure(lags[later], array(test.autocorrelation)[later], bound, "autocorrelation")
     items = [drawings.add(auto, f"Autocorrelation of the {where} over lag in seconds, with 95 % bounds.")]
     for name, cross in test.cross.items():
         figure = figures.stem_figure(array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}")

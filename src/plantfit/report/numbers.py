@@ -54,7 +54,9 @@ def interval(low: float | None, high: float | None, ascii_only: bool = False) ->
     if power in _PLAIN_EXPONENTS and last >= -6:
         return f"{_place(low, last, ascii_only)} to {_place(high, last, ascii_only)}"
     scale = 10.0**power
-    return f"({_place(low / scale, last - power, ascii_only)} to {_place(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
+    return (
+        f"({_place(low / scale, last - power, ascii_only)} to {_place(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
+    )
 
 
 def percent(fraction: float | None) -> str:

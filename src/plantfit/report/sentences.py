@@ -75,7 +75,9 @@ def decimated(samples: int, points: int) -> str:
     """What was left out of a drawing; empty when nothing was."""
     if samples <= points:
         return ""
-    return f"Shown decimated: lowest and highest of every {count(2 * samples / points)} samples. All numbers use all {count(samples)} samples."
+    return (
+        f"Shown decimated: lowest and highest of every {count(2 * samples / points)} samples. All numbers use all {count(samples)} samples."
+    )
 
 
 def share(value: float | None) -> str:

@@ -66,7 +66,8 @@ def basins_table(basins: list[Basin]) -> Table:
     """Minima that the runs ended in."""
     names = list(dict.fromkeys(name for b in basins for name in b.parameters))
     rows = tuple(
-        (significant(b.cost, 6), str(b.runs), share(b.share), *(significant(b.parameters.get(n)) for n in names)) for b in basins[:MOST_RUNS]
+        (significant(b.cost, 6), str(b.runs), share(b.share), *(significant(b.parameters.get(n)) for n in names))
+        for b in basins[:MOST_RUNS]
     )
     return Table("Minima found", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names))))
 
@@ -74,7 +75,13 @@ def basins_table(basins: list[Basin]) -> Table:
 def simulation_table(simulation: Simulation) -> Table:
     """Errors of the simulation beside the residuals, which they must stay far below."""
     rows = tuple(
-        (name, quantity(o.max_error, o.unit), quantity(o.rms_error, o.unit), quantity(o.rms_residual, o.unit), _ratio(o.rms_error, o.rms_residual))
+        (
+            name,
+            quantity(o.max_error, o.unit),
+            quantity(o.rms_error, o.unit),
+            quantity(o.rms_residual, o.unit),
+            _ratio(o.rms_error, o.rms_residual),
+        )
         for name, o in simulation.outputs.items()
     )
     head = ("output", "largest error", "RMS error", "RMS residual", "RMS error / RMS residual")

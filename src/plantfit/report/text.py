@@ -38,7 +38,13 @@ def _scores(scores: Sequence[Score]) -> str:
 
 def _parameters(parameters: Sequence[Parameter]) -> str:
     rows = [
-        (p.name, plus_minus(p.value, p.standard_error, True), p.unit or "", interval(p.low, p.high, True), parameter_status(p).split(":")[0])
+        (
+            p.name,
+            plus_minus(p.value, p.standard_error, True),
+            p.unit or "",
+            interval(p.low, p.high, True),
+            parameter_status(p).split(":")[0],
+        )
         for p in parameters
     ]
     return columns(("parameter", "value", "unit", "95 % interval", "status"), rows)

@@ -34,6 +34,17 @@ def translated(name: str) -> Iterator[None]:
         raise StoreError(f"Study database {name} {_sentence(error)}") from error
 
 
+@contextmanager
+def readable(name: str, study_id: int) -> Iterator[None]:
+    """Turn rows that cannot be decoded inside into StoreError."""
+    try:
+        yield
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StoreError(
+            f"Study {study_id} in {name} has a row that cannot be read ({error}); restore the file from a copy, or delete the study."
+        ) from error
+
+
 def _sentence(error: BaseException | None) -> str:
     code, text = str(getattr(error, "sqlite_errorname", "")), str(error).strip()
     for known, sentence in _SENTENCES.items():

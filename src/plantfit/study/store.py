@@ -16,7 +16,7 @@ from plantfit.study.claims import Claim
 from plantfit.study.codec import from_json, to_json
 from plantfit.study.engine import WRITES, connect
 from plantfit.study.export import write_json, write_parquet
-from plantfit.study.failures import translated
+from plantfit.study.failures import readable, translated
 from plantfit.study.migrations import VERSION, current_version, migrate
 from plantfit.study.plan import Plan, tasks
 from plantfit.study.records import RunRecord, StudyRecord
@@ -74,12 +74,12 @@ class Store:
     def studies(self) -> list[StudyRecord]:
         """All studies, oldest first."""
         with self._read() as connection:
-            return [_study(connection, row) for row in connection.execute(select(tables.study).order_by(tables.study.c.id))]
+            return [self._study(connection, row) for row in connection.execute(select(tables.study).order_by(tables.study.c.id))]
 
     def study(self, study_id: int) -> StudyRecord:
         """One study."""
         with self._read() as connection:
-            return _study(connection, self._row(connection, study_id))
+            return self._study(connection, self._row(connection, study_id))
 
     def plan(self, study_id: int) -> Plan:
         """The plan of a study; SearchError if one of its methods is not installed here."""
@@ -118,9 +118,11 @@ class Store:
     def runs(self, study_id: int) -> list[RunRecord]:
         """Finished runs, in the order of the plan's methods, then by run."""
         with self._read() as connection:
-            methods = from_json(self._row(connection, study_id).plan)["methods"]
+            plan = self._row(connection, study_id).plan
             rows = connection.execute(select(tables.run).where(tables.run.c.study == study_id)).all()
-        return [run_record(row) for row in sorted(rows, key=lambda r: (methods.index(r.method), r.run))]
+        with readable(self.name, study_id):
+            methods = from_json(plan)["methods"]
+            return [run_record(row) for row in sorted(rows, key=lambda r: (methods.index(r.method), r.run))]
 
     def export_json(self, study_id: int, path: str | os.PathLike[str]) -> None:
         """Study and runs as JSON; floats in their shortest exact form, null for NaN and infinities."""
@@ -192,7 +194,7 @@ class Store:
             raise StoreError(f"Study database {self.name} has no study {study_id!r}; {has}.")
         return row
 
-
-def _study(connection: Connection, row: Row) -> StudyRecord:
-    runs = connection.scalar(select(func.count()).where(tables.run.c.study == row.id)) or 0
-    return study_record(row, claims.is_held(connection, row.id, time.time()), runs)
+    def _study(self, connection: Connection, row: Row) -> StudyRecord:
+        runs = connection.scalar(select(func.count()).where(tables.run.c.study == row.id)) or 0
+        with readable(self.name, row.id):
+            return study_record(row, claims.is_held(connection, row.id, time.time()), runs)

@@ -10,7 +10,7 @@ from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import with_unit
 from plantfit.report.schema import Output, Recording, array
 
-OUTPUT_HEIGHT, SMALL_HEIGHT, GAP, TOP, BOTTOM = 190, 84, 34, 40, 46  # pixels
+OUTPUT_HEIGHT, SMALL_HEIGHT, GAP, TOP, BOTTOM = 190, 84, 34, 58, 46  # pixels
 MOST_ZONES = 60  # more pieces than this are too fine to see
 MARKERS_UP_TO = 150  # samples that are drawn as points
 
@@ -22,15 +22,18 @@ def fit_figure(recording: Recording, points: int) -> Figure:
     t = array(recording.t)
     data, shapes, notes = [], [], []
     layout = style.layout(
-        sum(heights) + GAP * (len(heights) - 1) + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM}
+        sum(heights) + GAP * (len(heights) - 1) + TOP + BOTTOM,
+        showlegend=True,
+        hovermode="x",
+        margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM},
     )
     panel = 0
     for name, output in recording.outputs.items():
         measured, simulated = array(output.measured), array(output.simulated)
         first = panel == 0
         look = {"mode": "markers", "marker": {"size": 5, "color": style.MEASURED}} if len(t) <= MARKERS_UP_TO else {}
-        data.append(_line("measured", t, measured, panel, points, style.MEASURED, 1.5, showlegend=first, legendgroup="m", **look))
-        data.append(_line("simulated", t, simulated, panel, points, style.SIMULATED, 1.5, showlegend=first, legendgroup="s"))
+        data.append(_line("measured", t, measured, panel, points, style.MEASURED, 2.8, showlegend=first, legendgroup="m", **look))
+        data.append(_line("simulated", t, simulated, panel, points, style.SIMULATED, 1.4, showlegend=first, legendgroup="s"))
         data.append(_line("residual", t, measured - simulated, panel + 1, points, style.RESIDUAL, 1))
         shapes += _zones(t, output, panel, labelled=True) + _zones(t, output, panel + 1, labelled=False)
         notes.append(style.heading(with_unit(name, output.unit), 0, domains[panel][1]))

@@ -19,11 +19,13 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
     rows = {p.name: len(shown) - 1 - k for k, p in enumerate(shown)}
     data = [
         _lines("bounds", [(0.0, 1.0, rows[p.name]) for p in shown], style.TRACK, 8, showlegend=False, hoverinfo="skip"),
-        _lines("95 % interval", [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None], style.SIMULATED, 8),
+        _lines(
+            "95 % interval", [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None], style.SIMULATED, 8
+        ),
         _values(shown, rows),
         *_runs(shown, runs, rows),
     ]
-    layout = style.layout(ROW * len(shown) + 70, showlegend=True, hovermode="closest", margin={"l": 40, "r": 14, "t": 44, "b": 10})
+    layout = style.layout(ROW * len(shown) + 80, showlegend=True, hovermode="closest", margin={"l": 40, "r": 14, "t": 62, "b": 10})
     layout["xaxis"] = style.axis(range=[-0.02, 1.02], showgrid=False, showticklabels=False)
     layout["yaxis"] = style.axis(
         range=[-0.7, len(shown) - 0.4],
@@ -64,7 +66,7 @@ def weight_figure(combination: Combination) -> Figure:
         "width": 0.55,
         "hovertemplate": "%{y}: %{x:.3f}<extra></extra>",
     }
-    layout = style.layout(28 * len(names) + 70, margin={"l": 40, "r": 14, "t": 10, "b": 44})
+    layout = style.layout(28 * len(names) + 86, margin={"l": 40, "r": 14, "t": 26, "b": 44})
     layout["xaxis"] = style.axis("weight in the combination", range=[-reach, reach], zeroline=True, zerolinecolor=style.MUTED, nticks=7)
     layout["yaxis"] = style.axis(type="category", showgrid=False, tickfont={"size": 13, "color": style.INK})
     return {"data": [bars], "layout": layout}
@@ -96,10 +98,10 @@ def _values(shown: Sequence[Parameter], rows: dict[str, int]) -> dict:
         "x": [float(np.clip(position(p, float(p.value or 0)), 0, 1)) for p in shown],
         "y": [rows[p.name] for p in shown],
         "marker": {
-            "symbol": "diamond",
-            "size": 12,
+            "symbol": "line-ns-open",
+            "size": 18,
             "color": [style.WARNING if p.at_bound else style.INK for p in shown],
-            "line": {"color": "var(--card)", "width": 1.5},
+            "line": {"width": 3},
         },
         "text": [style.plain(text) for text in texts],
         "hovertemplate": "%{text}<extra></extra>",

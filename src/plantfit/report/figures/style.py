@@ -27,7 +27,7 @@ def layout(height: int, **more: Any) -> dict[str, Any]:
         "paper_bgcolor": CLEAR,
         "plot_bgcolor": CLEAR,
         "font": {"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 12, "color": INK},
-        "margin": {"l": 56, "r": 14, "t": 36, "b": 44},
+        "margin": {"l": 56, "r": 14, "t": 58, "b": 44},
         "hoverlabel": {"bgcolor": "var(--card)", "bordercolor": GRID, "font": {"color": INK}, "namelength": -1},
         "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1, "yanchor": "bottom", "bgcolor": CLEAR, "font": {"size": 12}},
         "modebar": {"bgcolor": CLEAR, "color": MUTED, "activecolor": INK},
@@ -52,12 +52,12 @@ def axis(title: str = "", **more: Any) -> dict[str, Any]:
 
 
 def log_axis(title: str, values: np.ndarray, **more: Any) -> dict[str, Any]:
-    """A log axis where all finite values are positive, else a linear one; plain labels at 1, 2, 5 or at decades."""
+    """A log axis where all finite values are positive, else a linear one; labels at 1, 2, 5 or at decades."""
     shown = values[np.isfinite(values)]
     if len(shown) == 0 or shown.min() <= 0:
         return axis(title, **more)
     decades = np.log10(shown.max() / shown.min())
-    return axis(title, type="log", dtick="D2" if decades < 1.5 else 1, exponentformat="power", **more)
+    return axis(title, type="log", dtick="D2" if decades < 1.5 else max(1, round(decades / 8)), tickformat="~g", **more)
 
 
 def heading(text: str, x: float, y: float, **more: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from killed_child import PLAN, objective
 from sqlalchemy import func, select
-from test_runner import bits
+from test_study_runner import bits
 
 from plantfit.study import Store, resume, run, tables
 

@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import polars as pl
 import pytest
-from fakes import fake_result
 from sqlalchemy import event
+from study_fakes import fake_result
 
 from plantfit.errors import Status, StoreError
 from plantfit.optimize.contract import RunResult
@@ -110,6 +110,15 @@ def claims_time(monkeypatch):
     now = [time.time()]
     monkeypatch.setattr("plantfit.study.store.time.time", lambda: now[0])
     return now
+
+
+def test_a_study_whose_worker_died_after_the_last_task_is_done(store):
+    study_id = add(store, Plan(name="p", methods=("random",), runs=1, budget=50))
+    assert store.study(study_id).state == "interrupted"
+    claim = store.claim(study_id, "elsewhere|1|2|a")
+    assert store.study(study_id).state == "running"
+    store.finish(claim, [fake_result(PLAN, "random", 0)], [{}])
+    assert store.study(study_id).state == "done"
 
 
 def test_delete(store):
@@ -238,6 +247,25 @@ def test_a_read_only_database_says_so(store):
     with pytest.raises(StoreError, match=r"study\.db cannot be written; allow writing"):
         add(store)
     assert store.study(study_id).name == "gearmotor"
+
+
+def test_a_database_that_cannot_be_written_can_still_be_read(store):
+    study_id = add(store)
+    finish_one(store, study_id)
+    holder = sqlite3.connect(store.name, isolation_level=None)
+    holder.execute("BEGIN IMMEDIATE")  # whoever holds the write lock: reading needs none
+    assert len(Store.open(store.name, busy_timeout=0.1).runs(study_id)) == 2
+    holder.close()
+
+
+@pytest.mark.parametrize("change", ["x = x'00'", "status = 'odd'", "extra = '{'", "method = 'gone'"])
+def test_a_row_that_cannot_be_read_is_a_sentence(store, change):
+    study_id = add(store)
+    finish_one(store, study_id)
+    with sqlite3.connect(store.name) as connection:
+        connection.execute(f"UPDATE run SET {change} WHERE run = 1")
+    with pytest.raises(StoreError, match=rf"Study {study_id} in .*study\.db has a row that cannot be read"):
+        store.runs(study_id)
 
 
 def test_a_full_disk_says_so_and_keeps_what_was_finished(store):

@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from plantfit.errors import Status
 from plantfit.study import (
+    RunRecord,
     bootstrap_interval,
+    costs_by_method,
     evaluations_to_target,
     expected_running_time,
     success_rate,
@@ -41,6 +44,16 @@ def test_summary_leaves_failures_out_and_counts_them():
     nothing = summarise([np.inf])
     assert (nothing.n, nothing.failed) == (0, 1)
     assert np.isnan(nothing.mean)
+
+
+def test_costs_by_method():
+    runs = [
+        RunRecord(m, 0, 1, np.zeros(1), c, {}, 1.0, 0.0, Status.budget, 0, np.zeros(1), np.zeros(1), {})
+        for m, c in (("b", 2.0), ("a", 1.0), ("b", 3.0))
+    ]
+    found = costs_by_method(runs)
+    assert list(found) == ["b", "a"]
+    assert found["b"].tolist() == [2.0, 3.0]
 
 
 def test_one_run_has_no_spread_and_equal_runs_have_none():

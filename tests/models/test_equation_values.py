@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from model_calls import derivative, initial_state
 
 from plantfit.models import dc_motor, equations, first_order, second_order
 
@@ -15,7 +16,8 @@ EXPRESSIONS = {
     "a ** b ^ 0.5": lambda a, b, c: a ** (b**0.5),
     "a^3 + a^-2 + a^0 + a^0.5": lambda a, b, c: a**3 + a**-2.0 + 1 + np.sqrt(a),
     "sin(a) + cos(b) + tan(c/4)": lambda a, b, c: np.sin(a) + np.cos(b) + np.tan(c / 4),
-    "asin(a/9) + acos(b/9) + atan(c) + atan2(a, -b)": lambda a, b, c: np.arcsin(a / 9) + np.arccos(b / 9) + np.arctan(c) + np.arctan2(a, -b),
+    "asin(a/9) + acos(b/9)": lambda a, b, c: np.arcsin(a / 9) + np.arccos(b / 9),
+    "atan(c) + atan2(a, -b)": lambda a, b, c: np.arctan(c) + np.arctan2(a, -b),
     "sinh(a) + cosh(b) + tanh(c)": lambda a, b, c: np.sinh(a) + np.cosh(b) + np.tanh(c),
     "exp(-a) + log(b) + log10(c) + sqrt(a)": lambda a, b, c: np.exp(-a) + np.log(b) + np.log10(c) + np.sqrt(a),
     "abs(a - b) * sign(b - c)": lambda a, b, c: np.abs(a - b) * np.sign(b - c),
@@ -34,13 +36,13 @@ EXPRESSIONS = {
     "2*pi*a + e": lambda a, b, c: 2 * np.pi * a + np.e,
     "+a - -b": lambda a, b, c: a + b,
     "7": lambda a, b, c: np.full_like(a, 7.0),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("text", EXPRESSIONS)
 def test_expression_against_numpy(text):
     a, b, c = np.random.default_rng(RNG_SEED).uniform(0.3, 3.0, (3, 40))
-    # p, q, r are a, b, c under other names, so that every input is used
+    # z is there so that every input is used
     model = equations(f"y = {text}\nz = a + b + c", inputs=["a", "b", "c"], outputs=["y", "z"])
     inputs = {"a": a, "b": b, "c": c, "t": a * 0}
     found = model.output({}, inputs, {})["y"]
@@ -86,10 +88,9 @@ def random_tanks(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_model_against_function_by_hand(seed):
     model, (x, u, p) = tanks(), random_tanks(seed)
-    assert model.derivative is not None
     expected = tanks_by_hand(x, u, p)
-    for derivative in (model.derivative, jax.jit(model.derivative)):
-        found = derivative(x, u, p)
+    for function in (derivative(model), jax.jit(derivative(model))):
+        found = function(x, u, p)
         assert set(found) == {"h1", "h2"}
         for name in expected:
             assert float(found[name]) == pytest.approx(expected[name], rel=1e-12)
@@ -100,25 +101,25 @@ def test_vmap_equals_one_by_one():
     model = tanks()
     points = [random_tanks(seed) for seed in range(4)]
     stacked = jax.tree.map(lambda *v: np.array(v), *points)
-    together = jax.vmap(model.derivative)(*stacked)
+    together = jax.vmap(derivative(model))(*stacked)
     for k, point in enumerate(points):
-        for name, value in model.derivative(*point).items():
+        for name, value in derivative(model)(*point).items():
             assert float(together[name][k]) == pytest.approx(float(value), rel=1e-14)
 
 
 def test_initial_state_reads_parameters_inputs_and_measured_outputs():
-    start = tanks().initial_state({"h10": 3.0}, {"u": 0.5, "t": 0.0}, {"y": 7.0})
+    start = initial_state(tanks())({"h10": 3.0}, {"u": 0.5, "t": 0.0}, {"y": 7.0})
     assert {k: float(v) for k, v in start.items()} == {"h1": 3.0, "h2": 8.0}
 
 
 def test_initial_state_is_zero_by_default():
     model = equations("x' = -x + u; y = x", inputs=["u"], states=["x"], outputs=["y"])
-    assert float(model.initial_state({}, {"u": 4.0}, {"y": 5.0})["x"]) == 0.0
+    assert float(initial_state(model)({}, {"u": 4.0}, {"y": 5.0})["x"]) == 0.0
 
 
 def test_constants_broadcast_to_the_common_shape():
     model = equations("x' = 2; y = x", states=["x"], outputs=["y"])
-    assert model.derivative({"x": np.zeros(3)}, {"t": np.zeros(3)}, {})["x"].shape == (3,)
+    assert derivative(model)({"x": np.zeros(3)}, {"t": np.zeros(3)}, {})["x"].shape == (3,)
 
 
 def test_output_may_be_a_state_and_feed_other_values():
@@ -164,12 +165,12 @@ def test_library_motor_equals_its_text():
     draw = np.random.default_rng(2).uniform
     for _ in range(5):
         x, v, p = {"i": draw(-1, 1), "w": draw(-1, 1)}, draw(), {q.name: draw(0.1, 2) for q in model.parameters}
-        mine = model.derivative(x, {"V": 0.0, "V_delayed": v, "T": 0.3}, p)
-        theirs = text.derivative(x, {"V": 0.0, "delay(V, Td)": v, "T": 0.3}, p)
+        mine = derivative(model)(x, {"V": 0.0, "V_delayed": v, "T": 0.3}, p)
+        theirs = derivative(text)(x, {"V": 0.0, "delay(V, Td)": v, "T": 0.3}, p)
         for name in x:
             assert float(mine[name]) == pytest.approx(float(theirs[name]), rel=1e-12)
         assert text.output(x, {}, p) == model.output(x, {}, p)
-        assert text.initial_state(p, {"V": 0.0, "T": 0.0}, x) == model.initial_state(p, {"V": 0.0, "T": 0.0}, x)
+        assert initial_state(text)(p, {"V": 0.0, "T": 0.0}, x) == initial_state(model)(p, {"V": 0.0, "T": 0.0}, x)
 
 
 @pytest.mark.parametrize(
@@ -184,6 +185,6 @@ def test_library_process_equals_its_text(model, text, states):
     written = equations(text, inputs=["u"], states=states, outputs=["y"], parameters=[p.name for p in model.parameters])
     draw = np.random.default_rng(3).uniform
     x, u, p = {s: draw() for s in states}, {"u": draw()}, {q.name: draw(0.5, 2) for q in model.parameters}
-    mine, theirs = model.derivative(x, u, p), written.derivative(x, u, p)
+    mine, theirs = derivative(model)(x, u, p), derivative(written)(x, u, p)
     for state in states:
         assert float(mine[state]) == pytest.approx(float(theirs[state]), rel=1e-13)

@@ -3,11 +3,13 @@ import time
 
 import numpy as np
 import pytest
-from fakes import FakeSearch, fake_result, objective, to_physical
+from study_fakes import FakeSearch, fake_result, objective, to_physical
 
 from plantfit.errors import SearchError, StoreError
 from plantfit.optimize.contract import Objective
+from plantfit.optimize.progress import Progress
 from plantfit.study import Plan, Store, resume, run
+from plantfit.study.progress import Meter
 from plantfit.study.worker import STALE_SECONDS
 
 PLAN = Plan(name="gearmotor", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
@@ -18,7 +20,11 @@ def bits(runs):
     """Everything of runs that must not depend on how they came about (seconds do)."""
     vectors = ("x", "history_evaluations", "history_cost")
     scalars = ("method", "run", "seed", "cost", "parameters", "evaluations", "status", "failures")
-    return [[getattr(r, name) for name in scalars] + [getattr(r, name).tobytes() for name in vectors] for r in runs]
+    found = []
+    for r in runs:
+        extra = {key: value for key, value in r.extra.items() if key != "compile_seconds"}
+        found.append([extra, *(getattr(r, name) for name in scalars), *(getattr(r, name).tobytes() for name in vectors)])
+    return found
 
 
 def expected():
@@ -50,6 +56,17 @@ def test_progress_adds_up_over_tasks(store):
     assert (last.runs_done, last.tasks_done, last.evaluations, last.seconds_left) == (10, 6, 400.0, 0.0)
     assert last.best == min(r.cost for r in expected())
     assert all(p.seconds_left >= 0 for p in seen[3:])
+
+
+def test_time_left_follows_the_pace_of_this_sitting_only(store, monkeypatch):
+    now, seen = [0.0], []
+    monkeypatch.setattr("plantfit.study.progress.time.monotonic", lambda: now[0])
+    meter = Meter(store, store.add(PLAN, spec_text=None, coordinates=("a", "b", "c"), probe=b""), PLAN, seen.append)
+    meter.refresh("random")
+    for seconds, evaluations in ((5.0, 60.0), (6.0, 70.0), (7.0, 80.0)):  # 60 came from a checkpoint
+        now[0] = seconds
+        meter(Progress(0, 2, evaluations, 80.0, 1.0, seconds, None))
+    assert [p.seconds_left for p in seen] == [None, None, 33.0, 32.0]
 
 
 @pytest.mark.parametrize("after", [1, 2, 5, 9])

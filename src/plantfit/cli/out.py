@@ -1,0 +1,89 @@
+"""How commands speak: results on standard output, everything else on standard error."""
+
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+MARKS = {"good": ("green", "+"), "info": ("cyan", "i"), "warning": ("yellow", "!"), "bad": ("red", "x")}
+
+
+def print_json(value: Any) -> None:
+    """One JSON value; not-a-number becomes null."""
+    print(json.dumps(_plain(value), allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+        return None
+    return value
+
+
+def verdict(findings: dict[str, Any]) -> None:
+    """The verdict as marked lines."""
+    for v in findings["verdict"]:
+        colour, mark = MARKS[v["level"]]
+        out.print(f"[{colour}]{mark}[/{colour}] ", end="")
+        out.print(v["sentence"], markup=False)
+
+
+def warn(sentence: str) -> None:
+    """A line on standard error."""
+    err.print(sentence, markup=False)
+
+
+@contextmanager
+def stoppable() -> Iterator[Any]:
+    """Inside, the first Ctrl-C sets a flag that the yielded function tells; a second one stops at once."""
+    hits: list[int] = []
+
+    def on_signal(number, frame):
+        hits.append(number)
+        if len(hits) > 1:
+            raise KeyboardInterrupt
+        warn("Stopping: saving what is done. Ctrl-C again stops at once.")
+
+    old = [signal.signal(s, on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        yield lambda: bool(hits)
+    finally:
+        for s, handler in zip((signal.SIGINT, signal.SIGTERM), old, strict=True):
+            signal.signal(s, handler)
+
+
+@contextmanager
+def progress_line(quiet: bool = False) -> Iterator[Any]:
+    """A live line on standard error; yields a callback for the progress of a study or a search."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(30), TextColumn("{task.fields[figures]}"), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task("compiling", total=1.0, figures="")
+
+        def tell(p):
+            left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
+            best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
+            bar.update(
+                task,
+                description=getattr(p, "method", "searching"),
+                total=p.budget_total,
+                completed=min(p.evaluations, p.budget_total),
+                figures=f"run {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}",
+            )
+
+        yield tell

@@ -1,0 +1,129 @@
+"""Named arrays: MATLAB and NumPy files, and arrays in memory."""
+
+import os
+import zipfile
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any, Unpack
+
+import numpy as np
+import polars as pl
+
+from plantfit.errors import RecordingError
+from plantfit.recording.assemble import Options, assemble
+from plantfit.recording.columns import Column, Table, named_columns
+from plantfit.recording.files import existing
+from plantfit.recording.record import Recording, Signal
+
+
+def from_arrays(
+    t: Any = None,
+    *,
+    signals: Mapping[str, Any],
+    period: float | None = None,
+    name: str = "recording",
+    sort: bool = False,
+    duplicates: Any = None,
+) -> Recording:
+    """A recording from arrays (n,): times `t` in seconds or a `period`, and name -> array or (array, unit) or Signal."""
+    arrays: dict[str, tuple[np.ndarray, str | None]] = {}
+    for key, value in signals.items():
+        values, unit = (value.values, value.unit) if isinstance(value, Signal) else value if _has_unit(value) else (value, None)
+        arrays[key] = (_vector(values, f"signal {key!r}", name), unit)
+    if (t is None) == (period is None):
+        raise RecordingError(f"Recording {name!r}: give either the times t or a period.")
+    columns = [Column(key, key, None, pl.Series(key, values)) for key, (values, _) in arrays.items()]
+    if t is not None:
+        times = _vector(t, "t", name)
+        columns.insert(0, Column("t", "t", "s", pl.Series("t", times)))
+    if len({len(column.cells) for column in columns}) > 1:
+        raise RecordingError(
+            f"Recording {name!r}: lengths differ, { ({c.header: len(c.cells) for c in columns}) }; cut them to one length."
+        )
+    shift = 0 if t is None else 1
+    chosen = {key: position + shift for position, key in enumerate(arrays)}
+    units = {key: unit for key, (_, unit) in arrays.items() if unit is not None}
+    time = None if t is None else 0
+    table = Table(name, tuple(columns), log=("From arrays in memory.",))
+    return assemble(table, time=time, period=period, signals=chosen, units=units, name=name, sort=sort, duplicates=duplicates)
+
+
+def read_mat(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
+    """A recording from a MATLAB file up to version 7; fields of structures by dotted name ("run.speed")."""
+    return assemble(mat_table(path, options.get("time")), **options)
+
+
+def read_npz(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
+    """A recording from a NumPy archive of named arrays; `options` as for `read_csv`."""
+    return assemble(npz_table(path, options.get("time")), **options)
+
+
+def mat_table(path: str | os.PathLike[str], time: str | int | None = None) -> Table:
+    """The vectors of a MATLAB file, not yet interpreted."""
+    from scipy.io import loadmat
+
+    file = existing(path)
+    if b"MATLAB 7.3" in file.open("rb").read(128):
+        raise RecordingError(f"{file.name} is a MATLAB 7.3 file; save it in MATLAB with save(..., '-v7').")
+    try:
+        content = loadmat(file, simplify_cells=True)
+    except Exception as error:  # damaged files fail in many ways inside scipy
+        raise RecordingError(f"{file.name} cannot be read as a MATLAB file ({error}); save it anew with '-v7'.") from None
+    return _array_table(file.name, dict(_flat(content)), time)
+
+
+def npz_table(path: str | os.PathLike[str], time: str | int | None = None) -> Table:
+    """The vectors of a NumPy archive, not yet interpreted."""
+    file = existing(path)
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            content = {key: archive[key] for key in archive.files}
+    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise RecordingError(f"{file.name} cannot be read as an archive of plain arrays ({error}); write it with numpy.savez.") from None
+    return _array_table(file.name, dict(_flat(content)), time)
+
+
+def _has_unit(value: Any) -> bool:
+    return isinstance(value, tuple) and len(value) == 2 and (value[1] is None or isinstance(value[1], str))
+
+
+def _vector(values: Any, what: str, source: str) -> np.ndarray:
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise RecordingError(f"Recording {source!r}: {what} is not an array of numbers; convert it first.") from None
+    if array.ndim != 1:
+        raise RecordingError(f"Recording {source!r}: {what} has shape {array.shape}; give one value per sample, shape (n,).")
+    return array
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> Any:
+    """(dotted name, array) for every array in nested structures; columns of matrices are numbered."""
+    for key, value in content.items():
+        name = f"{prefix}{key}"
+        if str(key).startswith("__"):
+            continue
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{name}.")
+        elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
+            items = list(np.ravel(np.asarray(value, dtype=object)))
+            yield from _flat({str(i): item for i, item in enumerate(items)}, f"{name}.")
+        else:
+            array = np.asarray(value)
+            if array.ndim == 2 and 1 not in array.shape and array.dtype.kind in "fiub":
+                yield from ((f"{name}.{j}", column) for j, column in enumerate(array.T))
+            else:
+                yield name, array
+
+
+def _array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int | None) -> Table:
+    vectors = {key: np.ravel(array) for key, array in arrays.items() if array.dtype.kind in "fiubM" and array.ndim <= 2}
+    left_out = {key: "it is not a vector of real numbers" for key in arrays if key not in vectors}
+    long = Counter(len(vector) for vector in vectors.values() if len(vector) > 1)
+    if not long:
+        raise RecordingError(f"{source} holds no arrays of samples; it has {list(arrays)}.")
+    samples = len(vectors[time]) if isinstance(time, str) and time in vectors else max(long, key=lambda n: (long[n], n))
+    left_out |= {key: f"it has {len(v)} values where the others have {samples}" for key, v in vectors.items() if len(v) != samples}
+    kept = {key: vector for key, vector in vectors.items() if len(vector) == samples}
+    cells = [pl.Series(key, np.ascontiguousarray(v.astype(v.dtype.newbyteorder("=")))) for key, v in kept.items()]
+    return Table(source, named_columns(kept, cells), log=(f"Read from {source}.",), left_out=left_out)

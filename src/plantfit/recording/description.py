@@ -1,0 +1,77 @@
+"""What a file seems to hold, before anything is chosen."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+
+from plantfit.errors import PlantfitError
+from plantfit.recording.clock import guess_time, seconds
+from plantfit.recording.columns import Column, Table, identifier
+from plantfit.recording.numbers import casted, clean_text, mostly_numbers
+from plantfit.recording.readers import table
+
+
+@dataclass(frozen=True)
+class ColumnSummary:
+    """One column: `name` is fit for formulas; `texts` counts cells that are text; `first` shows cells as they stand."""
+
+    header: str
+    name: str
+    unit: str | None
+    kind: Literal["time", "number", "text"]
+    missing: int
+    texts: int
+    minimum: float | None
+    maximum: float | None
+    first: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Description:
+    """A file: columns, rows, the header of the likely time column, its usual step and jitter in seconds.
+
+    `jitter` is the largest difference of a step from `period`. `problem` says why the time column
+    cannot be used as it is, if so.
+    """
+
+    file: str
+    rows: int
+    columns: tuple[ColumnSummary, ...]
+    time: str | None
+    period: float | None
+    jitter: float | None
+    problem: str | None
+    log: tuple[str, ...]
+
+
+def describe(path: str | os.PathLike[str], **options: Any) -> Description:
+    """Columns with names, units, kinds and ranges, and the likely time column; `options` as delimiter, sheet, ..."""
+    found = table(path, **options)
+    time = guess_time(found)
+    period = jitter = problem = None
+    if time is not None:
+        try:
+            steps = np.diff(seconds(found, time, None)[0])
+            if len(steps):
+                period = float(np.median(steps))
+                jitter = float(np.max(np.abs(steps - period)))
+        except PlantfitError as error:
+            problem = str(error)
+    rows = len(found.columns[0].cells) if found.columns else 0
+    columns = tuple(_summary(found, column, column is time) for column in found.columns)
+    return Description(found.source, rows, columns, time.header if time else None, period, jitter, problem, found.log)
+
+
+def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
+    values, text, _ = casted(found, column.cells)
+    cells = clean_text(column.cells) if column.cells.dtype == pl.String else column.cells
+    numeric = mostly_numbers(found, column)
+    finite = values[np.isfinite(values)] if numeric else np.zeros(0)
+    first = tuple("" if cell is None else str(cell) for cell in column.cells.head(3).to_list())
+    missing = cells.null_count() + (int(cells.is_nan().sum()) if cells.dtype.is_float() else 0)
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
+    kind = "time" if is_time else "number" if numeric else "text"
+    return ColumnSummary(column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first)

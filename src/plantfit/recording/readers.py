@@ -1,0 +1,50 @@
+"""One reader for all formats, chosen by the ending of the file name."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from plantfit.errors import RecordingError
+from plantfit.recording.arrays import mat_table, npz_table, read_mat, read_npz
+from plantfit.recording.columns import Table
+from plantfit.recording.csv import csv_table, read_csv
+from plantfit.recording.files import existing
+from plantfit.recording.record import Recording
+from plantfit.recording.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
+
+TEXT = (".csv", ".tsv", ".txt", ".dat")
+_READERS: dict[str, tuple[Callable[..., Recording], Callable[..., Table], tuple[str, ...]]] = {
+    **dict.fromkeys(TEXT, (read_csv, csv_table, ("delimiter", "decimal", "header", "skip"))),
+    **dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), (read_xlsx, xlsx_table, ("sheet",))),
+    ".parquet": (read_parquet, parquet_table, ()),
+    ".mat": (read_mat, mat_table, ()),
+    ".npz": (read_npz, npz_table, ()),
+}
+
+
+def _entry(path: str | os.PathLike[str]):
+    file = existing(path)
+    suffix = Path(file.stem).suffix.lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
+    if suffix not in _READERS or (file.suffix.lower() == ".gz" and suffix not in TEXT):
+        raise RecordingError(f"{file.name}: no reader for files ending in {suffix!r}; known are {sorted(_READERS)} and text with .gz.")
+    return suffix, _READERS[suffix]
+
+
+def read(path: str | os.PathLike[str], **options: Any) -> Recording:
+    """A recording from any file with a known ending; `options` are those of the reader for it.
+
+    Raises RecordingError for an unknown ending and for options of another format.
+    """
+    suffix, (reader, _, own) = _entry(path)
+    foreign = {name for _, _, names in _READERS.values() for name in names} - set(own)
+    wrong = sorted(foreign & set(options))
+    if wrong:
+        raise RecordingError(f"{Path(path).name}: option {wrong[0]!r} does not apply to {suffix} files; leave it out.")
+    return reader(path, **options)
+
+
+def table(path: str | os.PathLike[str], **options: Any) -> Table:
+    """The columns of any file with a known ending, not yet interpreted."""
+    _, (_, reader, _) = _entry(path)
+    return reader(path, **options)

@@ -1,0 +1,82 @@
+"""The loop: progress, stops, warm starts, groups of runs, checkpoints."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from plantfit.errors import SearchError, Status
+from plantfit.optimize import Checkpoint, minimise
+from plantfit.optimize import population_loop as loop
+from plantfit.testing.objectives import bowl, centre, corner
+
+PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost")
+
+
+def same(a, b):
+    return len(a) == len(b) and all(np.array_equal(getattr(p, n), getattr(q, n)) for p, q in zip(a, b, strict=True) for n in PLAIN)
+
+
+@pytest.mark.parametrize("method", ["pso", "lbfgsb"])
+def test_progress_ends_complete(method):
+    seen = []
+    results = minimise(bowl(3), method, runs=2, budget=300, seed=1, progress=seen.append)
+    last = seen[-1]
+    assert (last.runs_done, last.runs, last.budget_total) == (2, 2, 600.0)
+    assert last.evaluations == sum(r.evaluations for r in results)
+    assert last.best == min(r.cost for r in results)
+    assert last.seconds_left == 0.0
+    assert all(a.evaluations <= b.evaluations for a, b in zip(seen, seen[1:], strict=False))
+
+
+@pytest.mark.parametrize("method", ["pso", "cmaes", "lbfgsb", "least_squares", "auto"])
+def test_target(method):
+    [r] = minimise(bowl(3), method, budget=3000, seed=1, target=1e-3)
+    assert r.status is Status.target
+    assert r.cost <= 1e-3
+    assert r.evaluations < 3000
+
+
+def test_stagnation_stops_each_run_by_itself():
+    results = minimise(bowl(3), "random", runs=4, budget=20_000, seed=1, stagnation=1000)
+    assert {r.status for r in results} == {Status.stagnated}
+    assert len({r.evaluations for r in results}) > 1
+    for r in results:
+        assert 1000 <= r.evaluations - r.history_evaluations[-2] < 1000 + 64
+
+
+@pytest.mark.parametrize("method", ["random", "pso", "cmaes", "lbfgsb", "least_squares", "auto"])
+def test_warm_start_is_used(method):
+    start = centre(3)[None]
+    [r] = minimise(dataclasses.replace(bowl(3), start=start), method, budget=100, seed=1)
+    assert r.cost < 1e-12
+
+
+def test_groups_and_blocks_do_not_matter(monkeypatch):
+    whole = minimise(corner(3), "pso", runs=5, budget=600, seed=7)
+    monkeypatch.setattr(loop, "SIDE_BY_SIDE", 26)
+    monkeypatch.setattr(loop, "REPORT_SECONDS", 0.0)
+    assert same(whole, minimise(corner(3), "pso", runs=5, budget=600, seed=7))
+
+
+def test_checkpoint_of_another_search_is_refused():
+    kept = []
+    minimise(bowl(3), "random", budget=200, seed=1, checkpoint=kept.append)
+    with pytest.raises(SearchError, match="another search"):
+        minimise(bowl(3), "random", budget=200, seed=2, resume=kept[-1])
+
+
+@pytest.mark.parametrize("cut", [0, 10, 200])
+def test_damaged_checkpoint(cut):
+    kept = []
+    minimise(bowl(3), "random", budget=200, seed=1, checkpoint=kept.append)
+    data = kept[-1].to_bytes()
+    with pytest.raises(SearchError, match="cannot be read"):
+        Checkpoint.from_bytes(data[:cut])
+
+
+def test_stopped_before_the_start_returns_what_there_is():
+    for method in ("pso", "lbfgsb"):
+        results = minimise(bowl(3), method, runs=3, budget=300, stop=lambda: True)
+        assert {r.status for r in results} == {Status.interrupted}
+        assert all(r.evaluations == 0 and r.cost == np.inf for r in results)

@@ -1,0 +1,165 @@
+"""Cleaning steps against closed forms."""
+
+import numpy as np
+import pytest
+
+import plantfit.recording as rec
+from plantfit.errors import RecordingError, UnitError
+
+DT = 0.01
+T = np.arange(2000) * DT
+NAN = np.nan
+
+
+def record(values, unit="rad", t=T):
+    return rec.from_arrays(t, signals={"q": (values, unit)})
+
+
+def test_outliers_found_and_nothing_else():
+    values = np.sin(T)
+    values[[5, 700, 1999]] += [3, -3, 3]
+    r = rec.drop_outliers(record(values), "q")
+    assert np.flatnonzero(np.isnan(r["q"])).tolist() == [5, 700, 1999]
+    assert r.log[-1].startswith("3 outliers")
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1e-6, 0.0), (1.0, 1e3), (-50.0, 7.0)])
+def test_outliers_do_not_depend_on_scale_and_offset(gain, offset):
+    values = np.random.default_rng(0).standard_normal(2000)
+    values[::97] *= 20
+    first, second = (np.isnan(rec.drop_outliers(record(v), "q", threshold=5)["q"]) for v in (values, gain * values + offset))
+    np.testing.assert_array_equal(first, second)
+    assert first.any()
+
+
+def test_quantised_signal_keeps_its_steps():
+    values = np.round(np.sin(T) * 20) / 20
+    assert not np.isnan(rec.drop_outliers(record(values), "q")["q"]).any()
+
+
+def test_gaps():
+    line = 3 * T[:12]
+    broken = line.copy()
+    broken[[0, 3, 4, 7, 8, 9, 11]] = NAN
+    r = rec.fill_gaps(record(broken, t=T[:12]), "q", longest=0.03)
+    assert np.flatnonzero(np.isnan(r["q"])).tolist() == [0, 7, 8, 9, 11]
+    np.testing.assert_allclose(r["q"][1:7], line[1:7], atol=1e-15)
+    assert r.log[-1].startswith("2 missing samples")
+    assert rec.fill_gaps(record(broken, t=T[:12]), "q", 0.03, "previous")["q"][4] == line[2]
+
+
+def test_all_missing_stays_missing():
+    r = rec.from_arrays(T[:4], signals={"q": [1, NAN, NAN, NAN]})
+    assert np.isnan(rec.fill_gaps(r, "q", 1.0)["q"][1:]).all()
+
+
+@pytest.mark.parametrize(("frequency", "gain"), [(0.5, 1.0), (5.0, 0.5), (40.0, 0.0)])
+def test_zero_phase_lowpass_gain(frequency, gain):
+    wave = np.sin(2 * np.pi * frequency * T)
+    r = rec.lowpass(record(wave), "q", cutoff=5.0)
+    middle = slice(500, 1500)
+    np.testing.assert_allclose(r["q"][middle], gain * wave[middle], atol=5e-3)
+
+
+def test_causal_lowpass_starts_at_rest_and_does_not_look_ahead():
+    step = np.where(T < 10, 2.0, 5.0)
+    r = rec.lowpass(record(step), "q", cutoff=3.0, causal=True)
+    np.testing.assert_allclose(r["q"][T < 10], 2.0, atol=1e-12)
+    assert r["q"][-1] == pytest.approx(5.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "tolerance"),
+    [
+        ("savgol", {}, 1e-5),
+        ("central", {}, 2e-4),
+        ("butterworth", {"cutoff": 20.0, "order": 2}, 2e-3),
+        ("spline", {"smoothing": 1e-6}, 1e-3),
+    ],
+)
+@pytest.mark.parametrize("shift", [0.0, 100.0])
+def test_derivative_of_a_sine(method, settings, tolerance, shift):
+    r = rec.differentiate(record(np.sin(2 * T) + shift, t=T + shift), "q", name="qd", method=method, **settings)
+    np.testing.assert_allclose(r["qd"][20:-20], 2 * np.cos(2 * T)[20:-20], atol=tolerance)
+    assert r.signals["qd"].unit == "rad/s"
+
+
+def test_derivative_keeps_gaps():
+    values = T**2
+    values[1000:1010] = NAN
+    r = rec.differentiate(record(values), "q")
+    assert np.isnan(r["qd"][1000:1010]).all()
+    np.testing.assert_allclose(r["qd"][:1000], 2 * T[:1000], atol=1e-9)
+
+
+def test_resample_line_exactly_and_hold_inputs():
+    t = np.array([0, 1, 2, 3, 4.0])
+    r = rec.from_arrays(t, signals={"u": [0, 1, 0, 0, 2], "y": 2 * t})
+    fine = rec.resample(r, 0.5, method={"u": "previous"})
+    np.testing.assert_allclose(fine["y"], 2 * fine.t)
+    np.testing.assert_array_equal(fine["u"], [0, 0, 1, 1, 0, 0, 0, 0, 2])
+
+
+def test_resample_slower_does_not_alias():
+    slow, fast = np.sin(2 * np.pi * 0.5 * T), np.sin(2 * np.pi * 9.5 * T)
+    r = rec.resample(record(slow + fast), 0.1)
+    inside = slice(20, -20)
+    np.testing.assert_allclose(r["q"][inside], np.sin(2 * np.pi * 0.5 * r.t)[inside], atol=1e-2)
+    np.testing.assert_allclose(rec.decimate(record(slow + fast), 10)["q"], r["q"], atol=1e-9)
+
+
+def test_resample_invents_nothing_across_a_hole():
+    t = np.concatenate([T[:50], T[150:200]])
+    r = rec.resample(record(t, t=t), DT)
+    assert np.isnan(r["q"][50:150]).all()
+    assert np.isfinite(r["q"][:50]).all()
+    assert np.isfinite(rec.resample(record(t, t=t), DT, longest=np.inf)["q"]).all()
+
+
+def test_offsets_gains_units_and_time():
+    r = record(5 + 3 * T, "deg")
+    np.testing.assert_allclose(rec.detrend(r, "q", "linear")["q"], 0, atol=1e-9)
+    assert abs(rec.detrend(r, "q")["q"].mean()) < 1e-12
+    np.testing.assert_allclose(rec.subtract(r, "q", 5.0)["q"], 3 * T, atol=1e-12)
+    assert rec.scale(r, "q", 2.0, "V").signals["q"].unit == "V"
+    np.testing.assert_allclose(rec.convert_units(r, {"q": "rad"})["q"], np.deg2rad(5 + 3 * T))
+    assert rec.shift_time(rec.cut(r, 1.0, 2.0)).t[0] == 0
+    assert len(rec.cut(r, 1.0, 2.0)) == 101
+    train, valid = rec.split(r, 0.7)
+    assert (len(train), len(valid)) == (1400, 600)
+    np.testing.assert_array_equal(np.concatenate([train["q"], valid["q"]]), r["q"])
+
+
+def test_subtract_a_signal_in_another_unit():
+    r = rec.from_arrays(T[:3], signals={"a": ([10, 20, 30.0], "degC"), "b": ([283.15, 283.15, 283.15], "K")})
+    np.testing.assert_allclose(rec.subtract(r, "a", "b")["a"], [0, 10, 20], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (lambda r: rec.drop_outliers(r, "q", window=10), "odd"),
+        (lambda r: rec.drop_outliers(r, "p"), "no signal 'p'"),
+        (lambda r: rec.lowpass(r, "q", 50.0), "below half the sampling rate"),
+        (lambda r: rec.lowpass(r, "q", -1.0), "above 0"),
+        (lambda r: rec.fill_gaps(r, "q", 0), "above 0"),
+        (lambda r: rec.differentiate(r, "q", method="butterworth"), "needs cutoff"),
+        (lambda r: rec.differentiate(r, "q", name="q"), "already has"),
+        (lambda r: rec.differentiate(r, "q", window=11, order=11), "order"),
+        (lambda r: rec.resample(r, 0.1, "nearest"), "'linear' or 'previous'"),
+        (lambda r: rec.resample(r, 1e-12), "longer period"),
+        (lambda r: rec.decimate(r, 1), "at least 2"),
+        (lambda r: rec.cut(r, 30, 40), "no samples"),
+        (lambda r: rec.split(r, 1.5), "between 0 and 1"),
+        (lambda r: rec.scale(r, "q", NAN), "finite"),
+        (lambda r: rec.lowpass(rec.from_arrays([0, 1, 5.0], signals={"q": [1, 2, 3]}), "q", 0.1), "resample"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments(step, message):
+    with pytest.raises(RecordingError, match=message):
+        step(record(np.sin(T)))
+
+
+def test_converting_an_unknown_unit():
+    with pytest.raises(UnitError, match="no unit"):
+        rec.convert_units(record(T, None), {"q": "V"})

@@ -1,0 +1,61 @@
+"""Units: the spellings of benches, conversions against textbook factors, and what is refused."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from plantfit import units
+from plantfit.errors import UnitError
+
+
+@pytest.mark.parametrize(
+    ("spelling", "plain"),
+    [
+        ("°C", "degC"), ("deg C", "degC"), ("°/s", "deg/s"), ("Nm", "N*m"), ("N m", "N*m"), ("mNm", "mN*m"), ("kg m^2", "kg*m**2"),
+        ("kg·m²", "kg*m**2"), ("kgm²", "kg*m**2"), ("kg.m^2", "kg*m**2"), ("Ω", "ohm"), ("kOhm", "kohm"), ("µV", "uV"),
+        ("V s/rad", "V*s/rad"), ("Vs/rad", "V*s/rad"), ("s⁻¹", "1/s"), ("s-1", "1/s"), ("/s", "1/s"), ("m3/h", "m**3/h"),
+        ("-", "1"), ("", "1"), ("sec", "s"), ("counts", "count"),
+    ],
+)  # fmt: skip
+def test_spellings_mean_the_same(spelling, plain):
+    assert units.factor_offset(spelling, plain) == pytest.approx((1.0, 0.0), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("value", "source", "target", "expected"),
+    [
+        (60.0, "rpm", "rad/s", 2 * math.pi), (180.0, "deg/s", "rad/s", math.pi), (25.0, "degC", "K", 298.15), (212.0, "degF", "degC", 100.0),
+        (50.0, "%", "1", 0.5), (2.0, "degC/s", "K/s", 2.0), (3.0, "degC/%", "K", 300.0), (6.0, "l/min", "m^3/s", 1e-4),
+        (1.0, "bar", "kPa", 100.0), (1.0, "V/(deg/s)", "V*s/rad", 180 / math.pi), (12.0, "PWM", "counts", 12.0),
+    ],
+)  # fmt: skip
+def test_conversion(value, source, target, expected):
+    assert units.convert(value, source, target) == pytest.approx(expected, rel=1e-12)
+    assert units.convert(units.convert(np.array([value]), source, target), target, source) == pytest.approx([value], rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["rmp", "10 V", "nan", "left", "9**9**9**9", "m**99999", "dB", "__import__('os')", "(", "a" * 200])
+def test_unknown_units_are_refused(text):
+    with pytest.raises(UnitError):
+        units.parse(text)
+    assert not units.known(text)
+
+
+def test_close_match_is_named():
+    with pytest.raises(UnitError, match="'rpm'"):
+        units.parse("rmp")
+
+
+@pytest.mark.parametrize(("a", "b"), [("V", "A"), ("Hz", "rad/s"), ("rpm", "Hz"), ("degC", "degC/s")])
+def test_incompatible(a, b):
+    assert not units.compatible(a, b)
+    with pytest.raises(UnitError):
+        units.factor_offset(a, b)
+
+
+def test_import_does_not_build_the_registry():
+    code = "import sys, plantfit.units; sys.exit('pint' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,226 @@
+import json
+import os
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from types import SimpleNamespace
+
+import pytest
+from findings_example import example
+
+from plantfit.errors import PlantfitError, StoreError
+from plantfit.report import html, render_html, summary_text, write_report
+
+EVIL = "</script><script>alert(1)</script><img src=http://evil.example/x>"
+
+
+class Page(HTMLParser):
+    """Start tags, ids, and text outside scripts and styles."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags, self.ids, self.words, self._open = [], [], [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self.ids += [value for key, value in attrs if key == "id"]
+        self._open = tag
+
+    def handle_endtag(self, tag):
+        self._open = ""
+
+    def handle_data(self, data):
+        if self._open not in ("script", "style"):
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def page():
+    return Page(render_html(example(samples=300)))
+
+
+def figures_in(text: str) -> dict:
+    match = re.search(r'<script type="application/json" id="figures">(.*?)</script>', text, re.S)
+    assert match
+    return json.loads(match[1])
+
+
+def test_sections_stand_in_order(page):
+    wanted = ["verdict", "fit", "scores", "residuals", "parameters", "combinations", "search", "simulation", "cleaning", "reproduction"]
+    assert [i for i in page.ids if i in wanted] == wanted
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_numbers_and_words_are_there(page):
+    for words in (
+        "2.310 ± 0.040",
+        "(3.20 ± 0.37)×10⁻⁵",
+        "at its lower bound",
+        "not determined",
+        "Not white (p = 2.1×10⁻⁹)",
+        "Caution",
+        "Problem",
+    ):
+        assert words in page.text
+
+
+def test_every_figure_has_a_place_and_a_label(page):
+    assert set(figures_in(render_html(example(samples=300)))) == {i for i in page.ids if i.startswith("figure-")}
+    assert all(attrs.get("aria-label") for tag, attrs in page.tags if tag == "figure")
+
+
+def test_nothing_is_loaded_from_elsewhere(page):
+    for tag, attrs in page.tags:
+        assert not {"src", "srcset", "data", "poster"} & set(attrs), tag
+        assert tag != "link"
+        assert attrs.get("href", "#").startswith("#")
+    policy = [attrs["content"] for tag, attrs in page.tags if attrs.get("http-equiv") == "Content-Security-Policy"]
+    assert policy
+    assert "default-src 'none'" in policy[0]
+    assert "http" not in policy[0]
+
+
+def test_names_from_outside_are_text_only():
+    findings = example(samples=50)
+    findings["name"] = EVIL
+    recording = findings["recordings"][0]
+    recording["name"], recording["log"] = EVIL, [EVIL]
+    recording["outputs"][EVIL] = recording["outputs"].pop("w") | {"unit": EVIL}
+    recording["inputs"][EVIL] = recording["inputs"].pop("u")
+    findings["parameters"][0]["name"] = EVIL
+    findings["runs"][0]["method"] = EVIL
+    findings["reproduction"]["spec"] = EVIL
+    plain, text = render_html(example(samples=50)), render_html(findings)
+    assert "<script>alert" not in text
+    assert [tag for tag, _ in Page(text).tags].count("script") == [tag for tag, _ in Page(plain).tags].count("script")
+    assert not [tag for tag, _ in Page(text).tags if tag == "img"]
+    for figure in figures_in(text).values():
+        assert "<img" not in json.dumps(figure)  # plotly reads tags in its texts
+
+
+def test_embedded_json_cannot_end_its_element_and_reads_back():
+    value = {"a": EVIL + "\u2028&<!--"}
+    text = html.embedded(value)
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == value
+
+
+def test_only_a_name_is_needed():
+    page = Page(render_html({"name": "empty"}))
+    assert "No verdict was made" in page.text
+    assert not [i for i in page.ids if i.startswith("figure-")]
+    assert summary_text({"name": "empty"}).startswith("empty")
+
+
+def test_says_that_validation_is_missing():
+    findings = example(samples=50)
+    findings["scores"] = [s for s in findings["scores"] if s["part"] == "fit"]
+    assert "No unseen data: give validation" in Page(render_html(findings)).text
+    assert "No unseen data: give validation" in summary_text(findings)
+
+
+def test_unknown_numbers_are_dashes():
+    findings = example(samples=50)
+    findings["parameters"][0] |= {"value": float("nan"), "standard_error": float("inf"), "low": None, "high": None}
+    findings["runs"][0] |= {"cost": None, "rmse": float("nan"), "history": {"evaluations": [], "cost": []}}
+    text = Page(render_html(findings)).text
+    assert "nan" not in text.split()
+    assert "Rm –" in text
+
+
+def test_long_recordings_are_decimated_and_say_so(tmp_path):
+    findings = example(samples=100_000)
+    findings["recordings"][0]["outputs"]["w"]["measured"][70_001] = 1234.0
+    path = write_report(findings, tmp_path / "long.html")
+    assert path.stat().st_size < 10e6
+    text = path.read_text(encoding="utf-8")
+    assert "Shown decimated" in Page(text).text
+    assert 1234.0 in figures_in(text)["figure-1"]["data"][0]["y"]
+
+
+def test_finely_alternating_parts_are_not_shaded():
+    findings = example(samples=1000)
+    findings["recordings"][0]["outputs"]["w"]["part"] = ["fit", "validation"] * 500
+    assert "too finely to be shaded" in Page(render_html(findings)).text
+
+
+@pytest.mark.parametrize(
+    ("spoil", "place"),
+    [
+        (lambda f: f.pop("name"), "name"),
+        (lambda f: f["parameters"][2].update(value="many"), "parameters.2.value"),
+        (lambda f: f["recordings"][0]["t"].pop(), "recordings.0"),
+        (lambda f: f["verdict"][0].update(level="great"), "verdict.0.level"),
+        (lambda f: f["runs"][1]["history"]["cost"].pop(), "runs.1.history"),
+    ],
+)
+def test_a_wrong_record_is_named(spoil, place):
+    findings = example(samples=50)
+    spoil(findings)
+    with pytest.raises(PlantfitError, match=re.escape(f"wrong at {place} ")):
+        render_html(findings)
+
+
+def test_missing_folder_and_folder_as_file(tmp_path):
+    with pytest.raises(StoreError, match="does not exist; create it first"):
+        write_report({"name": "a"}, tmp_path / "no" / "a.html")
+    with pytest.raises(StoreError, match="it is a folder"):
+        write_report({"name": "a"}, tmp_path)
+
+
+def test_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
+    path = tmp_path / "a.html"
+    path.write_text("old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(html, "os", SimpleNamespace(fdopen=os.fdopen, chmod=os.chmod, umask=os.umask, replace=full))
+    with pytest.raises(StoreError, match="No space left on device"):
+        write_report({"name": "a"}, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_summary_holds_verdict_and_parameters():
+    text = summary_text(example(samples=50))
+    lines = text.splitlines()
+    assert "Caution: Tf lies at its lower bound" in text
+    assert any(line.split()[:4] == ["Rm", "2.310", "±", "0.040"] for line in lines)
+    assert max(map(len, lines)) <= 120
+    assert "\x1b" not in summary_text(example(samples=50) | {"name": "a\x1b[31m\nb"})
+
+
+def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if not chromium:
+        pytest.skip("no Chromium here: install chromium to check the drawn page")
+    path = write_report(example(samples=200), tmp_path / "report.html")
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--disable-background-networking",
+        "--no-first-run",
+    ]
+    options += [
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=15000",
+        "--dump-dom",
+    ]
+    drawn = subprocess.run([chromium, *options, path.as_uri()], capture_output=True, text=True, timeout=90).stdout
+    page = Page(drawn)
+    count = len(figures_in(drawn))
+    assert count == 10
+    assert sum("main-svg" in (attrs.get("class") or "") for tag, attrs in page.tags if tag == "svg") >= count
+    titles = [attrs.get("data-title") or "" for _, attrs in page.tags]
+    assert any("Download plot" in title for title in titles)  # the bar is there, so that the next line can fail
+    assert not any("share" in title.lower() or "cloud" in title.lower() for title in titles)
