@@ -19,7 +19,8 @@ class Parameter:
 
     `bounds` in `unit`; `scale` "log" searches evenly over the decades and needs positive bounds.
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
-    every recording its own value (offsets, initial states).
+    every recording its own value (offsets, initial states). `start` is a guess: searches that take
+    warm starts begin there as well.
     """
 
     bounds: tuple[float, float] | None = None
@@ -28,6 +29,7 @@ class Parameter:
     value: float | None = None
     tied: str | None = None
     per_recording: bool = False
+    start: float | None = None
     sentence: str = ""
 
 
@@ -68,6 +70,21 @@ class Space:
         self.upper = np.array([c.upper for c in self.coordinates])
         self.log = np.array([c.log for c in self.coordinates], dtype=bool)
         self._place = {(c.parameter, c.recording): i for i, c in enumerate(self.coordinates)}
+
+    @property
+    def start(self) -> np.ndarray | None:
+        """The guess as a cube point (d,), the middle where none is given; None without any guess.
+
+        Raises SpaceError for a guess outside the bounds.
+        """
+        given = [self.parameters[c.parameter].start for c in self.coordinates]
+        if all(v is None for v in given):
+            return None
+        for c, v in zip(self.coordinates, given, strict=True):
+            if v is not None and not c.lower <= v <= c.upper:
+                raise SpaceError(f"Parameter {c.parameter!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; widen them or move the start.")
+        inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
+        return np.where([v is None for v in given], 0.5, inside)
 
     @property
     def dimension(self) -> int:

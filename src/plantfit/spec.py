@@ -77,6 +77,7 @@ class ParameterTable(_Table):
     value: float | None = None
     tied: str | None = None
     per_recording: bool = False
+    start: float | None = None
     sentence: str = ""
 
 
@@ -229,7 +230,7 @@ def _model(table: SpecTable, path: Path):
 
 
 def _parameter(p: ParameterTable) -> Parameter:
-    return Parameter(p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.sentence)
+    return Parameter(p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence)
 
 
 def read_recording(name: str, r: RecordingTable, path: Path) -> rec.Recording:

@@ -1,11 +1,12 @@
 """Every mistake in the text: its place and what the message names."""
 
+import random
 import time
 
 import pytest
 from model_calls import initial_state
 
-from plantfit.errors import EquationError, ModelError, UnitError
+from plantfit.errors import EquationError, ModelError, PlantfitError, UnitError
 from plantfit.models import Declared, equations
 
 BASE = {"inputs": {"u": None}, "states": {"x": {"unit": None}}, "outputs": {"y": None}, "parameters": ["k"]}
@@ -107,6 +108,34 @@ def test_hostile_text_is_refused_at_once(text, column):
         build(text)
     assert caught.value.column == column
     assert time.perf_counter() - begin < 2.0
+
+
+TOKENS = (
+    *("x", "u", "k", "1", "2.5", "+", "-", "*", "/", "^", "**", "(", ")", "'", "=", ";", "\n", "#", " ", "if", "else", "and", "not", "é"),
+    *("sin(", "max(", "delay(", ",", "<", ">=", "[", "]", "{", "}", ":", "λ", "\t", ".", "_", "1e", "0x", "\\", '"', "in", "lambda "),
+    *("\u2028", "🙂", "for ", "await ", "x' = ", "y = "),
+)
+
+
+def error_of(text):
+    """The error that plantfit raises for a text, None for a text that it takes."""
+    try:
+        build(text)
+    except PlantfitError as error:
+        return error
+    return None
+
+
+def test_random_text_gives_a_model_or_an_error_with_a_place():
+    draw, refused = random.Random(7), 0
+    for _ in range(600):
+        text = "x' = k*u; y = " + " ".join(draw.choices(TOKENS, k=draw.randint(1, 8)))
+        error, lines = error_of(text), text.split("\n")
+        if isinstance(error, EquationError):
+            refused += 1
+            assert 0 <= error.line < len(lines), text
+            assert 0 <= error.column <= len(lines[error.line]), text
+    assert 300 < refused < 600
 
 
 def test_nesting_within_the_limit_is_read_and_evaluated():

@@ -1,6 +1,7 @@
 """The loop: progress, stops, warm starts, groups of runs, checkpoints."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def test_progress_ends_complete(method):
     assert last.evaluations == sum(r.evaluations for r in results)
     assert last.best == min(r.cost for r in results)
     assert last.seconds_left == 0.0
-    assert all(a.evaluations <= b.evaluations for a, b in zip(seen, seen[1:], strict=False))
+    assert all(a.evaluations <= b.evaluations for a, b in itertools.pairwise(seen))
 
 
 @pytest.mark.parametrize("method", ["pso", "cmaes", "lbfgsb", "least_squares", "auto"])

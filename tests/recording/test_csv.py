@@ -78,6 +78,16 @@ def test_bracketed_word_that_is_no_unit_stays_in_the_name(tmp_path):
     assert r.signals["Position_left"].unit is None
 
 
+def test_equal_headers_get_different_names(tmp_path):
+    r = rec.read_csv(write(tmp_path, "t,u,u\n0,1,2\n1,2,3\n"))
+    np.testing.assert_array_equal(r["u_2"], [2, 3])
+
+
+def test_quoted_decimal_commas_between_commas(tmp_path):
+    r = rec.read_csv(write(tmp_path, 't,u\n0,"1,5"\n1,"2,5"\n'), delimiter=",", decimal=",")
+    np.testing.assert_array_equal(r["u"], [1.5, 2.5])
+
+
 def test_incomplete_last_line_is_left_out_and_told(tmp_path):
     r = rec.read_csv(write(tmp_path, "t,u,w\n0,1,2\n1,2,3\n2,3"))
     assert len(r) == 2
@@ -97,6 +107,8 @@ def test_incomplete_last_line_is_left_out_and_told(tmp_path):
         ("a,b\n0,1\n1,2\n", {}, r"give time="),
         ("t,u\n", {}, r"no rows of data"),
         ("", {}, r"no rows of data"),
+        ("t,u\n0,1\n1,2\n", {"delimiter": ";;"}, r"give one character"),
+        ("t,u,u\n0,1,2\n1,2,3\n", {"signals": {"a": "u"}}, r"choose one by number: \[1, 2\]"),
         ("t,u\n0,1\n1,2\n", {"period": -1.0}, r"period is -1"),
         ("t,u\n0,1\n1,2\n", {"time": "t", "period": 1.0}, r"both time and period"),
         ("t;u;w\n0;1,5;0.5\n1;2,5;0.7\n", {}, r"commas .* points"),

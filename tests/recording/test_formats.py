@@ -12,7 +12,7 @@ import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
 
 T = np.array([0.0, 0.1, 0.2, 0.3])
-U = np.array([1.0, 0.1 + 0.2, 1e-17, -4.0])
+U = np.array([1.0, 1 / 3, 1e-17, -4.0])  # a text of rounded digits would lose the third
 
 
 def parquet(folder):
@@ -22,8 +22,9 @@ def parquet(folder):
 
 def xlsx(folder):
     book = openpyxl.Workbook()
+    sheet = book.create_sheet("bench", 0)
     for row in [[], ["t", "u"], ["s", "V"], *zip(T.tolist(), U.tolist(), strict=True)]:
-        book.active.append(list(row))
+        sheet.append(list(row))
     book.save(folder / "a.xlsx")
     return rec.read(folder / "a.xlsx")
 

@@ -27,7 +27,8 @@ def test_spellings_mean_the_same(spelling, plain):
 @pytest.mark.parametrize(
     ("value", "source", "target", "expected"),
     [
-        (60.0, "rpm", "rad/s", 2 * math.pi), (180.0, "deg/s", "rad/s", math.pi), (25.0, "degC", "K", 298.15), (212.0, "degF", "degC", 100.0),
+        (60.0, "rpm", "rad/s", 2 * math.pi), (180.0, "deg/s", "rad/s", math.pi), (25.0, "degC", "K", 298.15),
+        (212.0, "degF", "degC", 100.0),
         (50.0, "%", "1", 0.5), (2.0, "degC/s", "K/s", 2.0), (3.0, "degC/%", "K", 300.0), (6.0, "l/min", "m^3/s", 1e-4),
         (1.0, "bar", "kPa", 100.0), (1.0, "V/(deg/s)", "V*s/rad", 180 / math.pi), (12.0, "PWM", "counts", 12.0),
     ],

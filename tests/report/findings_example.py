@@ -51,7 +51,7 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
             },
         },
         "reproduction": {
-            "spec": 'name = "gearmotor"\n\n[recording.train]\nfile = "gearmotor.csv"\ntime = "t [ms]"\n\n[search]\nmethods = ["auto"]\nseed = 1\n',
+            "spec": 'name = "gearmotor"\n\n[recording.train]\nfile = "gearmotor.csv"\ntime = "t [ms]"\n\n[search]\nseed = 1\n',
             "seed": 1,
             "versions": {"plantfit": "0.1.0", "jax": "0.10.2", "numpy": "2.4.6", "python": "3.11.9"},
             "cpu": "x86-64, 2 cores",
@@ -71,6 +71,7 @@ def _recording(name: str, n: int, fit_share: float, rng: np.random.Generator) ->
     part = ["fit"] * int(fit_share * n) + ["validation"] * (n - int(fit_share * n))
     measured = w + 0.8 * rng.standard_normal(n)
     measured[n // 3 : n // 3 + 10] = np.nan
+    known = [None if np.isnan(v) else v for v in measured.tolist()]
     return {
         "name": name,
         "log": [f"Read {n} rows from gearmotor.csv.", "Resampled to 100 Hz.", "Removed 3 outliers of w (over 6 standard deviations)."],
@@ -79,7 +80,7 @@ def _recording(name: str, n: int, fit_share: float, rng: np.random.Generator) ->
         "outputs": {
             "w": {
                 "unit": "rad/s",
-                "measured": [None if np.isnan(v) else v for v in measured.tolist()],
+                "measured": known,
                 "simulated": w.tolist(),
                 "part": part,
             },

@@ -1,5 +1,6 @@
 import json
 import re
+from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -9,7 +10,7 @@ from findings_example import example
 from plantfit.report import figures
 from plantfit.report.figures.convergence import cost_at
 from plantfit.report.figures.parameters import position
-from plantfit.report.schema import Parameter, read_findings
+from plantfit.report.schema import History, Parameter, read_findings
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_all_time_axes_are_linked_and_panels_do_not_overlap(record):
     assert len(axes) == 5  # two outputs with residuals, one input
     assert all(layout[k].get("matches") == "x" for k in axes if k != "xaxis")
     domains = sorted(layout[k]["domain"] for k in layout if k.startswith("yaxis"))
-    assert all(below[1] < above[0] for below, above in zip(domains, domains[1:], strict=False))
+    assert all(below[1] < above[0] for below, above in pairwise(domains))
     assert domains[0][0] == 0
     assert domains[-1][1] == 1
 
@@ -106,9 +107,7 @@ def test_median_band_only_for_five_runs_or_more(record):
 
 
 def test_cost_of_zero_falls_back_to_a_linear_axis(record):
-    run = record.runs[0].model_copy(
-        update={"history": record.runs[0].history.model_copy(update={"cost": [1.0, 0.0], "evaluations": [1, 2]})}
-    )
+    run = record.runs[0].model_copy(update={"history": History(evaluations=[1, 2], cost=[1.0, 0.0])})
     assert "type" not in figures.convergence_figure([run])["layout"]["yaxis"]
 
 

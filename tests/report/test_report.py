@@ -1,3 +1,5 @@
+# ruff: noqa: RUF001 (true minus, times and dash signs are meant)
+
 import json
 import os
 import re

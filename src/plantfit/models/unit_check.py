@@ -166,7 +166,8 @@ class UnitChecker:
 
 def _factor(unit: Unit) -> float:
     """How many base units one `unit` is (rad counts as a base unit)."""
-    return float(units.registry().get_base_units(unit)[0])
+    factor: Any = units.registry().get_base_units(unit)[0]
+    return float(factor)
 
 
 def _plain(unit: Unit) -> bool:

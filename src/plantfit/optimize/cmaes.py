@@ -139,7 +139,7 @@ class CmaEs:
 
     def _update(self, state: Search, y: Array, f: Array) -> Search:
         """Mean, paths, covariance and step size: eq. 38-47 of the tutorial."""
-        (rows, n), s = y.shape, strategy(*y.shape)
+        n, s = y.shape[1], strategy(*y.shape)
         order = jnp.argsort(f)
         y, usable = y[order], jnp.isfinite(f[order])
         w = jnp.where(usable, jnp.asarray(s.w), 0.0)

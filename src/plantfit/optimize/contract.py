@@ -7,12 +7,14 @@ itself (scipy, tree of populations) and counts its evaluations through the `Coun
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from jax import Array
 
+import plantfit.runtime  # noqa: F401
 from plantfit.errors import Status
+
+from jax import Array
 
 State = Any
 Info = dict[str, Array]
@@ -41,7 +43,7 @@ class Facts(NamedTuple):
 class Population(Protocol):
     """Pure ask/tell on the unit cube; `needs` is a class attribute, settings are frozen fields."""
 
-    needs: Needs
+    needs: ClassVar[Needs]
 
     def rows(self, facts: Facts) -> int:
         """Rows that `ask` returns, fixed for the run."""
@@ -125,7 +127,7 @@ class RunResult:
 class Host(Protocol):
     """A method that drives itself."""
 
-    needs: Needs
+    needs: ClassVar[Needs]
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Any) -> Status:
         """Minimise through `counter` (see loop.Counter), which records and enforces the budget."""

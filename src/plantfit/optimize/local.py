@@ -9,6 +9,7 @@ from scipy import optimize
 from plantfit.optimize.counter import Counter
 
 NEAR_BOUND = 1e-6
+ON_BOUND = 1.1e-10  # just above the distance that scipy keeps at its start
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,8 @@ class _Residuals:
 
     def full(self, z: np.ndarray) -> np.ndarray:
         x = self.base.copy()
-        x[self.free] = np.clip(z, 0.0, 1.0)
+        # the method comes within rounding of a bound but never onto it
+        x[self.free] = np.where(z <= ON_BOUND, 0.0, np.where(z >= 1 - ON_BOUND, 1.0, z))
         return x
 
     def at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -215,9 +215,9 @@ class _Group:
         return self._results(jax.tree.map(np.asarray, carry._replace(state=())), members, np.concatenate(blocks), last, times)
 
     def _tell(self, carry: Carry, members: int, resumed: int, seconds: float) -> None:
-        if self.plan.progress is None:
-            return
         plan = self.plan
+        if plan.progress is None:
+            return
         generations, ending = np.asarray(carry.generations)[:members], np.asarray(carry.ending)[:members]
         over = (ending != 0) | (generations >= plan.budget // self.rows)
         before = sum(r.evaluations for r in self.finished)
@@ -258,7 +258,7 @@ class _Group:
                     history_cost=np.array(costs, dtype=float),
                     failures=int(carry.failures[k]),
                     extra={**self.extra, "compile_seconds": times["compile"]},
-                )  # fmt: skip
+                )
             )
         return results
 

@@ -28,13 +28,14 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
     if not isinstance(change, Parameter):
         low, high = change
         return dataclasses.replace(base, bounds=(float(low), float(high)), value=None)
-    bounds, value = change.bounds, change.value
+    bounds, value, start = change.bounds, change.value, change.start
     if change.unit is not None and base.unit is not None and change.unit != base.unit:
         if not units.compatible(change.unit, base.unit):
             raise UnitError(f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind.")
         factor, offset = units.factor_offset(change.unit, base.unit)
         bounds = tuple(b * factor + offset for b in bounds) if bounds else None
         value = value * factor + offset if value is not None else None
+        start = start * factor + offset if start is not None else None
     held = value if value is not None else (None if bounds is not None or change.tied else base.value)
     if bounds is not None and value is not None:
         held = value
@@ -45,5 +46,6 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         value=held,
         tied=change.tied,
         per_recording=change.per_recording,
+        start=start,
         sentence=change.sentence or base.sentence,
     )

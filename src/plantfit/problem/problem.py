@@ -188,7 +188,9 @@ class Problem:
         return float(1 + (self.space.dimension + 1) // 2)
 
     def objective(self, start: np.ndarray | None = None) -> Objective:
-        """What a search may see."""
+        """What a search may see; `start` (k, d) are cube points to begin from, by default the guesses of the space."""
+        if start is None and self.space.start is not None:
+            start = self.space.start[None, :]
         return Objective(
             dimension=self.space.dimension,
             costs=self.costs,

@@ -15,7 +15,7 @@ from plantfit.units import DIMENSIONLESS, known
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>.*)\))\s*$")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # two columns may hold the same cells
 class Column:
     """One column: the text of its header, that text without the unit, the unit, and the cells."""
 

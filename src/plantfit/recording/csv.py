@@ -36,10 +36,11 @@ def read_csv(
 ) -> Recording:
     """A recording from a text table (.csv, .tsv, .txt, .dat, gzip or not).
 
-    `delimiter`, `decimal` and `header` are found when left out; `skip` lines at the top are not
-    looked at. `options` are those of `assemble.Options`: time, period, time_unit, signals, units,
-    sort, duplicates, name. Units stand in the header as "u [V]" or "u (V)" or in a row below it;
-    columns without header are named "0", "1", ... Raises RecordingError with file and line.
+    `delimiter`, `decimal` and `header` are found when left out; quoted numbers like "1,5" between
+    commas need delimiter="," and decimal=",". `skip` lines at the top are not looked at. `options`
+    are those of `assemble.Options`: time, period, time_unit, signals, units, sort, duplicates, name.
+    Units stand in the header as "u [V]" or "u (V)" or in a row below it; columns without header are
+    named "0", "1", ... Raises RecordingError with file and line.
     """
     return assemble(csv_table(path, delimiter=delimiter, decimal=decimal, header=header, skip=skip), **options)
 
@@ -62,8 +63,8 @@ def csv_table(
     file = existing(path)
     if decimal not in ("auto", ".", ","):
         raise RecordingError(f"{file.name}: decimal is {decimal!r}; use '.', ',' or 'auto'.")
-    if decimal == "," and delimiter == ",":
-        raise RecordingError(f"{file.name}: the comma cannot be both delimiter and decimal mark; correct one of them.")
+    if delimiter is not None and (len(delimiter.encode()) != 1 or delimiter in '"\n\r'):
+        raise RecordingError(f"{file.name}: delimiter is {delimiter!r}; give one character, or ' ' for any white space.")
     text, encoding = read_text(file)
     found = _content(file.name, text, skip)
     separator = delimiter or _sniff(found.lines, allow_comma=decimal != ",")

@@ -64,7 +64,7 @@ def _derivative(
         width = require_odd(window, step, 3)
         if not isinstance(order, (int, np.integer)) or not 1 <= order < width:
             raise RecordingError(f"{step}: order is {order!r}; give a whole number from 1 to below the window of {width}.")
-        return by_stretch(values, width, lambda part, _: savgol_filter(part, width, order, deriv=1, delta=period))
+        return by_stretch(values, width, lambda part, _: np.asarray(savgol_filter(part, width, order, deriv=1, delta=period)))
     if smoothing is not None and not smoothing >= 0:
         raise RecordingError(f"{step}: smoothing is {smoothing!r}; give a number of at least 0.")
     return by_stretch(values, 5, lambda part, place: _spline(part, (t[place] - t[place][0]) / period, smoothing) / period)

@@ -45,7 +45,8 @@ def resample(
     held = [name for name, how in methods.items() if how == "previous"]
     sentence = (
         f"Resampled from about {old:g} s to {period:g} s: {len(recording)} samples became {count}"
-        f"{f', holding {held}' if held else ''}{', with an anti-alias filter' if period > 1.05 * old else ''}; {missing} values are missing."
+        f"{f', holding {held}' if held else ''}"
+        f"{', with an anti-alias filter' if period > 1.05 * old else ''}; {missing} values are missing."
     )
     return Recording(t, signals, recording.name, (*recording.log, sentence))
 

@@ -64,9 +64,7 @@ def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
     try:
         _replace(path, text)
     except OSError as error:
-        raise StoreError(
-            f"The report could not be written to {path} ({error.strerror}); free some space or choose another folder."
-        ) from None
+        raise StoreError(f"The report could not be written to {path} ({error.strerror}); free space or choose another folder.") from None
     return path
 
 

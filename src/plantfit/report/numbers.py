@@ -3,6 +3,8 @@
 `ascii_only` writes 1.2e-06 for terminals; else 1.2×10⁻⁶ with a true minus sign.
 """
 
+# ruff: noqa: RUF001 (true minus, times and dash signs are meant)
+
 from math import isfinite
 
 UNKNOWN = "–"
@@ -35,11 +37,11 @@ def plus_minus(value: float | None, error: float | None, ascii_only: bool = Fals
     if error is None or not isfinite(error) or error <= 0:
         return significant(value, ascii_only=ascii_only)
     last = exponent(error, 2) - 1
-    power = max(exponent(value, 2) if value else last + 1, last + 1)
+    power = max(_leading(value, last), last + 1)
     if power in _PLAIN_EXPONENTS and last >= -6:
         return f"{_place(value, last, ascii_only)} ± {_place(error, last, ascii_only)}"
-    scale = 10.0**power
-    return f"({_place(value / scale, last - power, ascii_only)} ± {_place(error / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
+    scale, last = 10.0**power, last - power
+    return f"({_place(value / scale, last, ascii_only)} ± {_place(error / scale, last, ascii_only)}){_power(power, ascii_only)}"
 
 
 def interval(low: float | None, high: float | None, ascii_only: bool = False) -> str:
@@ -50,7 +52,7 @@ def interval(low: float | None, high: float | None, ascii_only: bool = False) ->
         return f"{significant(low, ascii_only=ascii_only)} to {significant(high, ascii_only=ascii_only)}"
     largest = max(abs(low), abs(high))
     last = exponent((high - low) / 2, 2) - 1
-    power = max(exponent(largest, 2), last + 1)
+    power = max(_leading(largest, last), last + 1)
     if power in _PLAIN_EXPONENTS and last >= -6:
         return f"{_place(low, last, ascii_only)} to {_place(high, last, ascii_only)}"
     scale = 10.0**power
@@ -94,6 +96,12 @@ def with_unit(name: str, unit: str | None) -> str:
     """`name [unit]`, or the name alone."""
     label = unit_label(unit)
     return f"{name} [{label}]" if label else name
+
+
+def _leading(value: float, last: int) -> int:
+    """Decimal exponent of a number rounded at the place 10^last; `last` for one that rounds to zero."""
+    rounded = round(value, -last)
+    return exponent(rounded, 15) if rounded else last
 
 
 def _place(value: float, last: int, ascii_only: bool) -> str:

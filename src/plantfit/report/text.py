@@ -50,6 +50,11 @@ def _parameters(parameters: Sequence[Parameter]) -> str:
     return columns(("parameter", "value", "unit", "95 % interval", "status"), rows)
 
 
+def _status(parameter: Parameter) -> str:
+    """The status without its advice."""
+    return parameter_status(parameter).split(":")[0]
+
+
 def columns(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> str:
     """Rows of text under headings, padded; the columns in `right` align right. Empty without rows."""
     if not rows:

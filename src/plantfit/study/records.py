@@ -23,6 +23,7 @@ class StudyRecord:
     state: str
     plan: Mapping[str, Any]
     spec_text: str | None
+    spec_path: str | None
     coordinates: tuple[str, ...]
     versions: Mapping[str, str]
     cpu: str

@@ -65,6 +65,7 @@ def study_record(row: Row, held: bool, runs_done: int) -> StudyRecord:
         state="done" if runs_done == runs_total else unfinished,
         plan=plan,
         spec_text=row.spec,
+        spec_path=row.spec_path,
         coordinates=tuple(from_json(row.coordinates)),
         versions=from_json(row.versions),
         cpu=row.cpu,

@@ -37,6 +37,7 @@ def run(
     store: Store,
     *,
     spec_text: str | None = None,
+    spec_path: str | None = None,
     coordinates: Sequence[str] | None = None,
     to_physical: ToPhysical | None = None,
     progress: Tell | None = None,
@@ -56,7 +57,7 @@ def run(
         raise SearchError(
             f"Study {plan.name!r} names {len(names)} coordinates but its problem has {objective.dimension}; name each one once."
         )
-    study_id = store.add(plan, spec_text=spec_text, coordinates=names, probe=probe(objective, to_physical))
+    study_id = store.add(plan, spec_text=spec_text, coordinates=names, probe=probe(objective, to_physical), spec_path=spec_path)
     _Worker(store, study_id, plan, objective, names, to_physical, progress, stop, search, checkpoint_seconds).work()
     return study_id
 

@@ -51,7 +51,7 @@ class Store:
 
     # studies
 
-    def add(self, plan: Plan, *, spec_text: str | None, coordinates: Sequence[str], probe: bytes) -> int:
+    def add(self, plan: Plan, *, spec_text: str | None, coordinates: Sequence[str], probe: bytes, spec_path: str | None = None) -> int:
         """A new study with all its tasks open; returns its id."""
         row = {
             "name": plan.name,
@@ -59,6 +59,7 @@ class Store:
             "state": "running",
             "plan": to_json(plan.record()),
             "spec": spec_text,
+            "spec_path": spec_path,
             "coordinates": to_json(list(coordinates)),
             "versions": to_json(versions()),
             "cpu": cpu_model(),

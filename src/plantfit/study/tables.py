@@ -39,6 +39,7 @@ study = Table(
     Column("state", Text, nullable=False),
     Column("plan", Text, nullable=False),  # JSON
     Column("spec", Text),  # the study file as it was
+    Column("spec_path", Text),  # where it was, for the recordings beside it
     Column("coordinates", Text, nullable=False),  # JSON list of names
     Column("versions", Text, nullable=False),  # JSON
     Column("cpu", Text, nullable=False),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from jax import Array
 OUTSIDE = -1e6  # what a candidate outside the cube costs: a prize, so that leaving shows
 
 
-def from_residuals(residuals: Callable[[Array], Array], dimension: int) -> Objective:
+def from_residuals(residuals: Callable[[Array], Any], dimension: int) -> Objective:
     """An objective with every derivative, from one function of a cube point (d,) to residuals (m,)."""
 
     def costs(x: Array) -> Array:
@@ -43,7 +44,7 @@ def bowl(dimension: int, moved: float = 0.0, turned: bool = False) -> Objective:
 
     def residuals(x: Array) -> Array:
         z = x[::-1] if turned else x
-        return weights * (z - target)
+        return jnp.asarray(weights) * (z - target)
 
     return from_residuals(residuals, dimension)
 

@@ -21,11 +21,12 @@ def fit_figure(recording: Recording, points: int) -> Figure:
     domains = _domains(heights)
     t = array(recording.t)
     data, shapes, notes = [], [], []
+    margin = {"l": 56, "r": 14, "t": TOP, "b": BOTTOM}
     layout = style.layout(
         sum(heights) + GAP * (len(heights) - 1) + TOP + BOTTOM,
         showlegend=True,
         hovermode="x",
-        margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM},
+        margin=margin,
     )
     panel = 0
     for name, output in recording.outputs.items():

@@ -17,11 +17,10 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
     """One row per parameter from its lower to its upper bound, on its own linear or log scale."""
     shown = drawable(parameters)
     rows = {p.name: len(shown) - 1 - k for k, p in enumerate(shown)}
+    sure = [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None]
     data = [
         _lines("bounds", [(0.0, 1.0, rows[p.name]) for p in shown], style.TRACK, 8, showlegend=False, hoverinfo="skip"),
-        _lines(
-            "95 % interval", [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None], style.SIMULATED, 8
-        ),
+        _lines("95 % interval", sure, style.SIMULATED, 8),
         _values(shown, rows),
         *_runs(shown, runs, rows),
     ]

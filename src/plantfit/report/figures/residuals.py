@@ -32,7 +32,7 @@ def _stems(lags: np.ndarray, values: np.ndarray, colour: str) -> dict:
         "x": style.numbers(np.stack([lags, lags, nothing], axis=1).ravel()),
         "y": style.numbers(np.stack([0 * values, values, nothing], axis=1).ravel(), 4),
         "line": {"color": colour, "width": 1.4},
-        "marker": {"color": colour, "size": [0, 5, 0] * len(lags)},
+        "marker": {"color": colour, "size": [0, 5, 0] * len(lags), "line": {"width": 0}},
         "hovertemplate": "lag %{x:.4~g} s: %{y:.3f}<extra></extra>",
     }
 

@@ -1,0 +1,58 @@
+# One command each; `make help` lists them. PYTHON=python3.12 picks another interpreter.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install --quiet --constraint constraints.txt
+CORE := $(VENV)/.core
+DEV := $(VENV)/.dev
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test test-slow check bench browser clean
+
+help:  ## This list
+	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
+
+demo: $(CORE)  ## Fit a motor from a recording and write the report
+	$(BIN)/plantfit demo gearmotor
+
+test: $(DEV) browser  ## All fast tests
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(DEV) browser  ## Longer studies
+	$(BIN)/python -m pytest -m slow
+
+check: $(DEV)  ## Lint, format, types, imports between rooms
+	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/pyright
+	$(BIN)/python -m pytest tests/test_import_graph.py
+
+bench: $(DEV)  ## Time the engine against other solvers; QUICK=1 for under a minute
+	QUICK=$(QUICK) $(BIN)/python -m benchmarks
+
+clean:  ## Remove the environment and what builds leave
+	rm -rf $(VENV) build dist .pytest_cache .ruff_cache src/*.egg-info
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps are younger than what they were installed from.
+$(CORE): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
+	{ echo "plantfit needs Python 3.11, 3.12 or 3.13, but $(PYTHON) is $$($(PYTHON) --version 2>&1); run make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
+	{ rm -rf $(VENV); echo "$(PYTHON) cannot make a virtual environment; install its venv module (Debian, Ubuntu: apt-get install python3-venv)" >&2; exit 1; }
+	@echo "Installing plantfit into $(VENV) ..."
+	@$(PIP) --editable .
+	@touch $@
+
+$(DEV): $(CORE)
+	@echo "Installing tools for tests and benchmarks into $(VENV) ..."
+	@$(PIP) --editable '.[dev,bench]'
+	@touch $@
+
+# The report is also tested in a browser where there is one, or where one can be installed.
+browser:
+	@if { command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null \
+	&& { apt-get install -y --no-install-recommends chromium || { apt-get update && apt-get install -y --no-install-recommends chromium; }; } >/dev/null 2>&1; then :; \
+	else echo "NOTE: no Chromium here and none could be installed: the tests that open the report in a browser are SKIPPED."; fi

@@ -1,0 +1,122 @@
+"""Derivatives of a stiff plant: against its own differences, and against a tight solver of its own."""
+
+import numpy as np
+import pytest
+from simulate_plants import P, exact, record, stiff
+
+import plantfit.runtime  # noqa: F401
+from plantfit.simulate import Simulator
+from plantfit.simulate.verify import tight_states
+
+import jax
+import jax.numpy as jnp
+
+TARGET = np.sin(np.arange(60) / 7.0)
+
+
+def simulator_of(hold="previous", substeps=1, stepper="rosenbrock"):
+    return Simulator.of(stiff(), hold={"u": hold}, substeps=substeps, stepper=stepper)
+
+
+def cost_of(simulator, drive):
+    def cost(p):
+        return jnp.mean((simulator.outputs(p, drive)["y"] - TARGET) ** 2)
+
+    return jax.jit(cost)
+
+
+def floats(p):
+    return {k: jnp.asarray(float(v)) for k, v in p.items()}
+
+
+def richardson(f, p, name, h):
+    def central(h):
+        return (float(f(p | {name: p[name] + h})) - float(f(p | {name: p[name] - h}))) / (2 * h)
+
+    return (4 * central(h / 2) - central(h)) / 3
+
+
+@pytest.mark.parametrize("irregular", [False, True])
+@pytest.mark.parametrize("hold", ["previous", "linear"])
+def test_gradient_equals_central_differences_of_its_own_cost(hold, irregular):
+    simulator = simulator_of(hold)
+    t, u = record(irregular)
+    cost = cost_of(simulator, simulator.drive(t, {"u": u}))
+    p = floats(P | {"e": 0.2})
+    gradient = jax.grad(cost)(p)
+    for name in P:
+        expected = richardson(cost, p, name, 1e-4 if name == "Td" else 2e-3 * abs(float(p[name])))
+        assert float(gradient[name]) == pytest.approx(expected, rel=1e-6), name
+
+
+@pytest.mark.parametrize(
+    ("delay", "hold", "irregular"),
+    [
+        (0.0, "previous", False),
+        (0.04, "previous", False),
+        (0.3, "previous", False),
+        (0.37, "previous", False),
+        (0.37, "previous", True),
+        (0.0, "linear", False),
+        (0.3, "linear", False),
+        (0.37, "linear", False),
+    ],
+)
+def test_derivative_by_dead_time_equals_that_of_a_tight_solver(delay, hold, irregular):
+    t, u = record(irregular)
+    simulator = simulator_of(hold, substeps=8)
+    p = P | {"Td": delay}
+    gradient = jax.jit(jax.grad(cost_of(simulator, simulator.drive(t, {"u": u}))))(floats(p))
+
+    def tight(delay):
+        return np.mean((exact(p | {"Td": delay}, t, u, hold)[1] - TARGET) ** 2)
+
+    h = 1e-4
+    if delay == 0.0:  # only one side exists
+        expected = (-3 * tight(0.0) + 4 * tight(h) - tight(2 * h)) / (2 * h)
+    else:
+        expected = (tight(delay + h) - tight(delay - h)) / (2 * h)
+    # the scale: the largest derivative by the logarithm of a parameter, per second of dead time
+    scale = max(abs(float(gradient[n]) * P[n]) for n in P if n != "Td")
+    assert abs(expected) > 0.05 * scale
+    assert float(gradient["Td"]) == pytest.approx(expected, abs=0.01 * scale, rel=0.01)
+
+
+def test_all_derivatives_together_equal_those_of_a_tight_solver():
+    t, u = record()
+    simulator = simulator_of(substeps=8)
+    gradient = jax.jit(jax.grad(cost_of(simulator, simulator.drive(t, {"u": u}))))(floats(P))
+    rng = np.random.default_rng(0)
+    scale = max(abs(float(gradient[n]) * max(abs(P[n]), 0.1)) for n in P)
+    for _ in range(3):
+        move = {n: rng.choice([-1.0, 1.0]) * max(abs(P[n]), 0.1) for n in P if n != "e"}
+
+        def tight(h, move=move):
+            p = {n: P[n] + h * move.get(n, 0.0) for n in P}
+            return np.mean((exact(p, t, u)[1] - TARGET) ** 2)
+
+        expected = (tight(1e-4) - tight(-1e-4)) / 2e-4
+        assert sum(float(gradient[n]) * move[n] for n in move) == pytest.approx(expected, abs=0.01 * scale)
+
+
+@pytest.mark.parametrize("stepper", ["rosenbrock", "rk4"])
+def test_forward_and_reverse_derivatives_agree(stepper):
+    simulator = simulator_of(substeps=4, stepper=stepper)  # rk4 is stable to 2.8 T1 = 56 ms
+    t, u = record()
+    drive = simulator.drive(t, {"u": u})
+    names = list(P)
+    vector = jnp.array([P[n] for n in names])
+
+    def outputs(v):
+        return simulator.outputs(dict(zip(names, v, strict=True)), drive)["y"][::12]
+
+    forward, reverse = jax.jit(jax.jacfwd(outputs))(vector), jax.jit(jax.jacrev(outputs))(vector)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("hold", ["previous", "linear"])
+def test_tight_states_equal_an_independent_solver(hold):
+    t, u = record(irregular=True)
+    simulator = simulator_of(hold)
+    ours = tight_states(simulator, floats(P), simulator.drive(t, {"u": u}))
+    np.testing.assert_allclose(ours, exact(P, t, u, hold), atol=1e-7)

@@ -1,0 +1,80 @@
+"""What the package promises as a whole: its errors, its licence, its pins."""
+
+import re
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from plantfit import errors
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+PINS = dict(
+    line.split("==") for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines() if line and not line.startswith("#")
+)
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _errors(base=errors.PlantfitError):
+    for child in base.__subclasses__():
+        if child.__module__ == errors.__name__:
+            yield child
+            yield from _errors(child)
+
+
+def test_version_is_one():
+    assert metadata.version("plantfit") == PROJECT["version"]
+
+
+def test_licence_is_the_one_declared():
+    text = (ROOT / "LICENSE").read_text("utf-8")
+    assert "Apache License" in text
+    assert "Version 2.0, January 2004" in text
+    assert "END OF TERMS AND CONDITIONS" in text
+    assert PROJECT["license"] == "Apache-2.0"
+
+
+@pytest.mark.parametrize("extra", [None, *PROJECT["optional-dependencies"]])
+def test_every_dependency_is_pinned_inside_its_range(extra):
+    wanted = PROJECT["dependencies"] if extra is None else PROJECT["optional-dependencies"][extra]
+    pins = {_normal(n): v for n, v in PINS.items()}
+    for requirement in wanted:
+        name, low = re.fullmatch(r"([\w.-]+)>=([\d.]+)", requirement).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        assert _normal(name) in pins, f"{name} has no line in constraints.txt"
+        assert _numbers(pins[_normal(name)]) >= _numbers(low)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(n) for n in re.findall(r"\d+", version))
+
+
+def test_pins_are_exact_and_name_no_address():
+    text = (ROOT / "constraints.txt").read_text("utf-8")
+    assert all(re.fullmatch(r"[\w.-]+==[\w.]+|#.*", line) for line in text.splitlines() if line)
+    assert "://" not in text
+
+
+@pytest.mark.parametrize("error", list(_errors()), ids=lambda e: e.__name__)
+def test_every_error_is_drawn_in_the_tree_and_has_its_exit_code(error):
+    assert f"{error.__name__} " in (errors.__doc__ or "")
+    assert 0 < error.exit_code < 256
+
+
+def test_exit_codes_differ_between_families():
+    codes = [e.exit_code for e in errors.PlantfitError.__subclasses__() if e.__module__ == errors.__name__]
+    assert len(set(codes)) == len(codes)
+
+
+def test_equation_error_points_at_the_character():
+    shown = str(errors.EquationError("unknown name", "a = 1\nb = c", line=1, column=4))
+    assert shown.split("\n") == ["unknown name", "    b = c", "        ^"]
+
+
+@pytest.mark.parametrize("status", list(errors.Status))
+def test_every_status_has_a_sentence(status):
+    assert status.sentence.endswith(".")
