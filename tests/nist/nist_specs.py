@@ -16,11 +16,11 @@ MODELS = {
     "DanWood": ("b1*x^b2", {"b1": (0.01, 10), "b2": (0, 10)}),
     "Gauss1": (
         "b1*exp(-b2*x) + b3*exp(-(x - b4)^2/b5^2) + b6*exp(-(x - b7)^2/b8^2)",
-        {"b1": (10, 200), "b2": (1e-4, 1), "b3": (10, 200), "b4": (20, 120), "b5": (5, 80), "b6": (10, 200), "b7": (120, 240), "b8": (5, 80)},
+        {"b1": (10, 200), "b2": (1e-4, 1), "b3": (10, 200), "b4": (0, 250), "b5": (5, 80), "b6": (10, 200), "b7": (0, 250), "b8": (5, 80)},
     ),
     "Lanczos3": (
         "b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)",
-        {"b1": (0, 4), "b2": (0.1, 2), "b3": (0, 4), "b4": (2, 4), "b5": (0, 8), "b6": (4, 10)},
+        {"b1": (0, 10), "b2": (0, 20), "b3": (0, 10), "b4": (0, 20), "b5": (0, 10), "b6": (0, 20)},
     ),
     "MGH09": ("b1*(x^2 + x*b2) / (x^2 + x*b3 + b4)", {"b1": (0, 50), "b2": (0, 80), "b3": (0, 80), "b4": (0, 80)}),
     "Misra1a": ("b1*(1 - exp(-b2*x))", {"b1": (1, 1000), "b2": (1e-6, 0.1)}),
@@ -29,6 +29,18 @@ MODELS = {
         {"b1": (500, 2000), "b2": (500, 2000), "b3": (100, 1000), "b4": (10, 200), "b5": (0, 2), "b6": (0, 1), "b7": (0, 0.5)},
     ),
 }
+
+# terms of a sum that may change places: tuples that go together, put in order of their first
+TERMS = {"Gauss1": (("b4", "b3", "b5"), ("b7", "b6", "b8")), "Lanczos3": (("b2", "b1"), ("b4", "b3"), ("b6", "b5"))}
+
+
+def ordered(name: str, values: dict[str, float]) -> dict[str, float]:
+    """Parameters with interchangeable terms in ascending order."""
+    groups = TERMS.get(name, ())
+    result = dict(values)
+    for group, term in zip(groups, sorted(tuple(values[n] for n in g) for g in groups), strict=True):
+        result.update(zip(group, term, strict=True))
+    return result
 
 
 def certified(name: str) -> tuple[dict[str, tuple[float, float, float]], float, np.ndarray]:
