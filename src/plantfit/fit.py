@@ -174,7 +174,7 @@ def gauss_newton(problem: Problem, x: np.ndarray, most: int = 30) -> np.ndarray:
 
 
 def _residual_scales(problem: Problem, x: np.ndarray) -> dict[str, float]:
-    residuals, start = np.asarray(problem.residuals(x)), 0
+    residuals, start = np.asarray(problem.compiled["residuals"](x, problem.data)), 0
     squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
     for name in problem.data["drive"]:
         for output in problem.outputs:

@@ -57,6 +57,7 @@ class Problem:
         self.predictor = _predictor(model, stepper, substeps or 1, hold)
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
+        self._compiled: dict[Any, dict[str, Any]] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales = self._scales(scales)
 
@@ -104,8 +105,7 @@ class Problem:
     def with_simulator(self, simulator: Simulator) -> "Problem":
         """The same problem simulated with other steps."""
         other = copy.copy(self)
-        for cached in ("data", "compiled"):
-            other.__dict__.pop(cached, None)
+        other.__dict__.pop("data", None)
         other.predictor = self.predictor.replaced(simulator)
         return other
 
@@ -140,9 +140,16 @@ class Problem:
 
     # -- compiled ---------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def compiled(self) -> dict[str, Any]:
-        """Compiled functions of (z, data), by name."""
+        """Compiled functions of (z, data), by name; one set for each choice of steps."""
+        simulator = self.predictor.simulator
+        key = None if simulator is None else (simulator.stepper, simulator.substeps)
+        if key not in self._compiled:
+            self._compiled[key] = self._compile()
+        return self._compiled[key]
+
+    def _compile(self) -> dict[str, Any]:
         def residuals_and_jacobian(z, data):
             def once(z):
                 r = self.residuals(z, data)

@@ -34,7 +34,7 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
     simulator = problem.predictor.simulator
     if problem.substeps_chosen or simulator is None or not simulator.vector.states:
         return problem
-    rms = float(np.sqrt(np.mean(np.asarray(problem.residuals(z)) ** 2)))
+    rms = float(np.sqrt(np.mean(np.asarray(_residuals(problem)(z, problem.data)) ** 2)))
     while problem.predictor.simulator.substeps < FINEST and _scaled_error(problem, z) > FINE * rms:
         problem = problem.with_simulator(problem.predictor.simulator.refined(2))
     return problem

@@ -34,15 +34,16 @@ def against_radau(
     At most `pieces` smooth pieces are integrated; a longer record is compared on its first part.
     atol is relative to the largest size of each state. Raises SimulationError when either fails.
     """
-    ours = {k: np.asarray(v) for k, v in simulator.outputs(p, drive).items()}
-    n = drive.t.shape[0]
     if not simulator.vector.states:
-        return StepError({k: 0.0 for k in ours}, {k: 0.0 for k in ours}, 0, n - 1)
-    exact = tight_states(simulator, p, drive, rtol=rtol, atol=atol, pieces=pieces)
+        none = dict.fromkeys(simulator.vector.outputs, 0.0)
+        return StepError(none, dict(none), 0, drive.t.shape[0] - 1)
+    workings = _workings(simulator, p, drive)
+    ours = {k: np.asarray(v) for k, v in workings["outputs"].items()}
+    exact = _integrated(simulator, p, workings, rtol, atol, pieces)
     count = exact.shape[1]
     values = tuple(float(p[k]) for k in simulator.vector.parameters)
-    channels = tuple(np.asarray(c)[:count] for c in _channels_at_samples(simulator, p, drive))
-    y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(tuple(exact), channels, values)
+    channels = tuple(np.asarray(c)[:count] for c in (*drive.value, *workings["late"], drive.t))
+    y = jax.jit(jax.vmap(simulator.vector.output, in_axes=(0, 0, None)))(tuple(exact), channels, values)
     largest, rms = {}, {}
     for name, value in zip(simulator.vector.outputs, y, strict=True):
         error = np.asarray(value) - ours[name][:count]
@@ -54,12 +55,34 @@ def against_radau(
 
 def tight_states(simulator: Simulator, p: Mapping[str, Any], drive: Drive, *, rtol=1e-9, atol=1e-11, pieces=1500) -> np.ndarray:
     """States (n, m) by Radau at the first m samples (all of them, unless there are more than `pieces` pieces)."""
-    vector = simulator.vector
-    values = tuple(float(p[k]) for k in vector.parameters)
-    grid, rank, u0, u1 = _pieces(simulator, p, drive)
-    rate, jacobian = _packed(vector, values)
-    x = np.array([float(v) for v in simulator.initial(p, drive)])
-    scale = np.maximum(1e-9, [float(np.max(np.abs(s))) for s in simulator.states(p, drive)])
+    return _integrated(simulator, p, _workings(simulator, p, drive), rtol, atol, pieces)
+
+
+def _workings(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, Any]:
+    """Everything of a simulation that the comparison needs, compiled as one."""
+
+    @jax.jit
+    def work(p, drive):
+        steps, (u0, u1, length) = simulator._steps(p, drive)
+        return {
+            "outputs": simulator.outputs(p, drive),
+            "states": simulator.states(p, drive),
+            "initial": simulator.initial(p, drive),
+            "grid": jnp.append(steps.start, steps.start[-1] + length[-1]),
+            "rank": steps.rank,
+            "u0": u0,
+            "u1": u1,
+            "late": [jnp.take(c, i) for c, i in simulator._at_samples(p, drive)],
+        }
+
+    return jax.tree.map(np.asarray, work({k: float(v) for k, v in p.items()}, drive))
+
+
+def _integrated(simulator: Simulator, p: Mapping[str, Any], workings, rtol: float, atol: float, pieces: int) -> np.ndarray:
+    grid, rank, u0, u1 = (workings[k] for k in ("grid", "rank", "u0", "u1"))
+    rate, jacobian = _packed(simulator.vector, tuple(float(p[k]) for k in simulator.vector.parameters))
+    x = np.array([float(v) for v in workings["initial"]])
+    scale = np.maximum(1e-9, [float(np.max(np.abs(s))) for s in workings["states"]])
     states = np.full((len(x), len(rank)), np.nan)
     states[:, rank == 0] = x[:, None]
     # samples inside a stretch of constant input need no restart: they are read from dense output
@@ -114,13 +137,6 @@ def _packed(vector, values):
     return jax.jit(rate), jax.jit(jax.jacfwd(rate))
 
 
-def _pieces(simulator: Simulator, p, drive: Drive):
-    steps, (u0, u1, length) = simulator._steps(p, drive)
-    start = np.asarray(steps.start)
-    grid = np.r_[start, start[-1] + np.asarray(length)[-1]]
-    return grid, np.asarray(steps.rank), [np.asarray(c) for c in u0], [np.asarray(c) for c in u1]
-
-
 def _goes_on(u0, u1, grid, first, k) -> bool:
     """Whether step k continues the straight inputs of step `first`; time itself always does."""
     for a, b in zip(u0[:-1], u1[:-1], strict=True):
@@ -133,16 +149,10 @@ def _goes_on(u0, u1, grid, first, k) -> bool:
     return True
 
 
-def _channels_at_samples(simulator: Simulator, p, drive: Drive):
-    late = [np.asarray(c)[np.asarray(i)] for c, i in simulator._at_samples(p, drive)]
-    return [*map(np.asarray, drive.value), *late, np.asarray(drive.t)]
-
-
 def doubling_error(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:
     """Estimated error (N,) of each output: its change when every step is halved, times q / (q - 1), q = 2 ** order."""
     q = 2.0 ** ORDER[simulator.stepper]
-    coarse, fine = simulator.outputs(p, drive), simulator.refined(2).outputs(p, drive)
+    finer = simulator.refined(2)
+    coarse, fine = jax.jit(simulator.outputs)(p, drive), jax.jit(finer.outputs)(p, drive)
     return {k: np.abs(np.asarray(coarse[k]) - np.asarray(fine[k])) * q / (q - 1.0) for k in coarse}
 
-
-__all__ = ["StepError", "against_radau", "doubling_error", "tight_states"]

@@ -1,0 +1,24 @@
+"""`python -m benchmarks`: all timings; QUICK=1 keeps them under a minute."""
+
+import os
+import sys
+import time
+
+from benchmarks import engine, startup
+
+
+def main() -> int:
+    quick = os.environ.get("QUICK", "") not in ("", "0")
+    started = time.perf_counter()
+    figures: dict[str, float] = {}
+    for part in (engine, startup):
+        figures |= part.run(quick)
+        print()
+    for name, value in figures.items():
+        print(f"FIGURE {name} {value:.4g}")
+    print(f"done in {time.perf_counter() - started:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

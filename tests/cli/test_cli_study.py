@@ -1,0 +1,157 @@
+"""The commands of a study, in the order in which a user types them."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from cli_call import SPEC, call, heater
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    heater(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_check_run_list_report_predict(folder, capsys, monkeypatch):
+    said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", "--json")
+    record = json.loads(said.out)
+    assert said.code == 0
+    assert record["recordings"]["bench"]["fitted"] == 280
+    assert record["verify"]["T"]["max_error"] < 0.05
+
+    said = call(capsys, monkeypatch, "run", "heater.toml")
+    assert said.code == 0, said.err
+    assert "determine 4 of 4 parameters" in said.out
+    assert (folder / "heater.html").stat().st_size > 1e6
+
+    said = call(capsys, monkeypatch, "list", "--json")
+    assert [(s["id"], s["name"], s["state"]) for s in json.loads(said.out)] == [(1, "heater", "done")]
+
+    said = call(capsys, monkeypatch, "report", "1", "--json", "--out", "again.html")
+    findings = json.loads(said.out)
+    assert (folder / "again.html").exists()
+    truth = {"K": 0.8, "T0": 21.0, "tau": 40.0, "L": 3.4}
+    for p in findings["parameters"]:
+        assert abs(p["value"] - truth[p["name"]]) < 4 * p["standard_error"], p
+
+    said = call(capsys, monkeypatch, "predict", "heater.toml", "--json")
+    assert json.loads(said.out)["rmse"]["T"] < 0.06
+    assert (folder / "predicted.csv").read_text().startswith("t [s],")
+    far = call(capsys, monkeypatch, "predict", "heater.toml", "--set", "K=0.4", "--json")
+    assert json.loads(far.out)["rmse"]["T"] > 5
+
+
+def test_init_writes_a_study_that_runs(folder, capsys, monkeypatch):
+    said = call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml")
+    assert said.code == 0, said.err
+    assert call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml").code == 7  # never overwrites
+    said = call(capsys, monkeypatch, "run", "new.toml", "--json")
+    assert said.code == 0, said.err
+    scores = {s["part"]: s["fit_percent"] for s in json.loads(said.out)["scores"]}
+    assert scores["fit"] > 95
+    assert scores["validation"] > 95
+
+
+WRONG = {
+    "missing file": (("heater.csv", "other.csv"), 3, "other.csv"),
+    "wrong column": (('"u [%]"', '"v [%]"'), 3, "no column 'v [%]'"),
+    "unknown key": (("split = 0.7", "splt = 0.7"), 7, "did you mean 'split'"),
+    "unknown symbol": (("K*delay", "Q*delay"), 5, "'Q'"),
+    "unknown call": (("delay(u, L)", "dead(u, L)"), 5, "'dead'"),
+    "reversed bounds": (("[0.01, 10.0]", "[10.0, 0.01]"), 6, "reversed bounds"),
+    "unit that does not fit": (('unit = "degC/%"', 'unit = "bar"'), 5, "different kinds of quantity"),
+    "unit that does not exist": (('unit = "degC/%"', 'unit = "flurbs"'), 4, "flurbs"),
+    "zero budget": (("seed = 3", "seed = 3\nbudget = 0"), 8, "budget is 0"),
+    "unknown method": (("seed = 3", 'methods = ["psoo"]'), 8, "'psoo'"),
+    "broken TOML": (("[model]", "[model"), 7, "not valid TOML"),
+    "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "not both"),
+    "log bounds at zero": (('bounds = [1.0, 500.0]', 'bounds = [0.0, 500.0]'), 6, "above 0"),
+    "string for a number": (("split = 0.7", 'split = "most"'), 7, "split"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_one_sentence_and_an_exit_code(case, folder, capsys, monkeypatch):
+    (old, new), code, part = WRONG[case]
+    assert old in SPEC
+    (folder / "heater.toml").write_text(SPEC.replace(old, new, 1))
+    said = call(capsys, monkeypatch, "run", "heater.toml")
+    assert said.code == code, said.err
+    assert part in said.err
+    assert said.err.startswith("plantfit: ")
+    assert "Traceback" not in said.err
+    assert said.out == ""
+
+
+DATA = {
+    "text in a number column": (("\n5,", "\nfive,"), 3, "'five'"),
+    "time running backwards": (("\n5,", "\n1,"), 3, "time"),
+    "missing input": (("\n5,50,", "\n5,,"), 9, "missing at sample 5"),
+}
+
+
+@pytest.mark.parametrize("case", DATA)
+def test_a_bad_recording_is_named_with_its_place(case, folder, capsys, monkeypatch):
+    (old, new), code, part = DATA[case]
+    text = (folder / "heater.csv").read_text()
+    assert old in text
+    (folder / "heater.csv").write_text(text.replace(old, new, 1))
+    said = call(capsys, monkeypatch, "run", "heater.toml")
+    assert said.code == code, said.err
+    assert part in said.err
+    assert "Traceback" not in said.err
+
+
+def test_a_missing_output_sample_is_left_out(folder, capsys, monkeypatch):
+    lines = (folder / "heater.csv").read_text().splitlines()
+    lines[50] = ",".join([*lines[50].split(",")[:2], ""])
+    (folder / "heater.csv").write_text("\n".join(lines))
+    said = call(capsys, monkeypatch, "run", "heater.toml", "--json")
+    assert said.code == 0, said.err
+    assert next(s["n"] for s in json.loads(said.out)["scores"] if s["part"] == "fit") == 279
+
+
+def test_no_store_and_no_study(folder, capsys, monkeypatch):
+    assert call(capsys, monkeypatch, "report").code == 10
+    (folder / "broken.db").write_text("not a database at all, not even close to one")
+    said = call(capsys, monkeypatch, "list", "--store", "broken.db")
+    assert said.code == 10
+    assert "broken.db" in said.err
+
+
+def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeypatch):
+    more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso", "cmaes"]\nruns = 6\nbudget = 60000')
+    (folder / "heater.toml").write_text(more)
+    child = subprocess.Popen([sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"], stderr=subprocess.PIPE, text=True)
+    from plantfit.study import Store
+
+    until = time.monotonic() + 90
+    while time.monotonic() < until and child.poll() is None:
+        time.sleep(0.3)
+        if (folder / "plantfit.db").exists() and Store.open("plantfit.db").studies():
+            time.sleep(1.5)
+            break
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130, err
+    assert "plantfit resume 1" in err
+    assert call(capsys, monkeypatch, "resume").code == 0
+    assert call(capsys, monkeypatch, "run", "heater.toml", "--store", "whole.db").code == 0
+    one, two = Store.open("plantfit.db").runs(1), Store.open("whole.db").runs(1)
+    assert len(one) == len(two) == 12
+    for a, b in zip(one, two, strict=True):
+        assert (a.method, a.run, a.cost, a.evaluations) == (b.method, b.run, b.cost, b.evaluations)
+        assert a.x.tobytes() == b.x.tobytes()
+
+
+def test_catalogues(capsys, monkeypatch):
+    names = [m["name"] for m in json.loads(call(capsys, monkeypatch, "methods", "--json").out)]
+    assert {"auto", "pso", "cmaes", "lbfgsb", "least_squares"} <= set(names)
+    models = json.loads(call(capsys, monkeypatch, "models", "--json").out)
+    assert {"dc_motor", "drive", "first_order"} <= {m["name"] for m in models}
+    assert "Kt" in call(capsys, monkeypatch, "models", "dc_motor").out
