@@ -136,7 +136,7 @@ def check_no_favoured_place(method: Any) -> None:
 def check_310_dimensions(method: Any) -> None:
     """A large problem runs and ends better than at the mirror image of its optimum."""
     objective = bowl(310)
-    [r] = minimise(objective, method, budget=1200, seed=1)
+    [r] = minimise(objective, method, budget=600, seed=1)
     _expect(r.x.shape == (310,), method, f"the answer has shape {r.x.shape}")
     _expect(
         r.cost < float(np.asarray(objective.costs(jnp.asarray(1.0 - centre(310))[None]))[0]),

@@ -1,0 +1,1 @@
+"""EMPS, a linear drive with friction under PD control, training recording."""

@@ -1,0 +1,68 @@
+"""Three ways to the parameters of one drive: force regression, free run, closed loop."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plantfit.cases.files import unpack
+from plantfit.cases.fitting import fit_file, part, residual, rms
+from plantfit.cases.record import figure, record
+from plantfit.fit import Answer
+
+REGRESSED = {"M": 95.116, "Fv": 203.37, "Fc": 20.409, "offset": -3.170}
+UNITS = {"M": "kg", "Fv": "N*s/m", "Fc": "N", "offset": "N"}
+IDIM = "inverse dynamic regression on the same record (data README)"
+
+
+def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
+    """See `plantfit.cases.registry.demos`."""
+    folder = unpack("emps", folder)
+    files = [folder / name for name in ("force.toml", "free_run.toml", "closed_loop.toml")]
+    force, free, closed = (fit_file(file, progress) for file in files)
+    figures = [*_regression(force), *_free_run(free, force), *_closed_loop(closed)]
+    sentences = [
+        "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s are a hard test.",
+        "In closed loop the position follows its reference whatever the model, so the controller output is what is scored.",
+        "The controller gains are held at what the recorded controller law itself shows, 159.5 1/s and 266.8 V s/m.",
+        "All three agree on mass and friction within their uncertainty: "
+        + "; ".join(f"{n} {', '.join(f'{a.values[n]:.4g}' for a in (force, free, closed))} {UNITS[n]}" for n in REGRESSED)
+        + ".",
+    ]
+    return record("emps", "Linear drive with friction, three ways", figures, sentences, [force, free, closed], files)
+
+
+def _regression(answer: Answer) -> list[dict[str, Any]]:
+    error = residual(answer, "force")
+    measured = answer.problem.experiments["emps"].recording["force"]
+    return [
+        *(figure(f"force regression: {n}", answer.values[n], UNITS[n], value, IDIM) for n, value in REGRESSED.items()),
+        figure("force regression: residual", rms(error), "N", 2.16, IDIM),
+        figure("force regression: relative residual", 100 * float(np.linalg.norm(error) / np.linalg.norm(measured)), "%", 4.04, IDIM),
+    ]
+
+
+def _free_run(answer: Answer, force: Answer) -> list[dict[str, Any]]:
+    error = 1e3 * residual(answer, "q")
+    problem = answer.problem
+    values = np.array([{**force.values, "v_start": 0.0}[n] for n in problem.space.names])
+    regressed = 1e3 * (problem.predict(values)["q"] - problem.experiments["emps"].recording["q"])
+    unseen = part(answer, "validation")
+    here = "same simulation with the parameters of the force regression, which saw the whole record"
+    return [
+        figure("free run: position RMSE, whole record", rms(error), "mm", 5.09, f"simulation with the {IDIM}"),
+        figure("free run: position RMSE, fitted three quarters", rms(error[~unseen]), "mm", rms(regressed[~unseen]), here),
+        figure("free run: position RMSE, unseen quarter", rms(error[unseen]), "mm", rms(regressed[unseen]), here),
+    ]
+
+
+def _closed_loop(answer: Answer) -> list[dict[str, Any]]:
+    error, unseen = residual(answer, "u"), part(answer, "validation")
+    measured = answer.problem.experiments["emps"].recording["u"]
+    relative = 100 * float(np.linalg.norm(error[unseen]) / np.linalg.norm(measured[unseen]))
+    return [
+        figure("closed loop: controller output RMSE, fitted half", rms(error[~unseen]), "V"),
+        figure("closed loop: controller output RMSE, unseen half", rms(error[unseen]), "V"),
+        figure("closed loop: relative error, unseen half", relative, "%", 4.04, f"residual of force, {IDIM}, fitted"),
+    ]

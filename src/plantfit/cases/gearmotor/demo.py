@@ -1,0 +1,63 @@
+"""Fit the first half of the PRBS record, score the second, predict the static curve."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plantfit.cases.files import unpack
+from plantfit.cases.fitting import fit_file, part, residual, rms
+from plantfit.cases.gearmotor.steady import steady_speed
+from plantfit.cases.record import figure, record
+from plantfit.fit import Answer
+from plantfit.recording import read
+
+SETTLING = 3.0  # s at the start of the second half that the reference leaves out as well
+LINEAR = "first-order model with dead time about the mean, same halves (data README)"
+
+
+def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
+    """See `plantfit.cases.registry.demos`."""
+    file = unpack("gearmotor", folder) / "gearmotor.toml"
+    answer = fit_file(file, progress)
+    error, seen, unseen = residual(answer, "y"), part(answer, "fit"), part(answer, "validation")
+    settled = unseen & (answer.problem.experiments["prbs"].recording.t >= _start(answer, unseen) + SETTLING)
+    static = static_curve(Path(folder) / "static.csv", answer.values)
+    figures = [
+        figure("RMSE on the fitted half", rms(error[seen]), "deg/s", 5.06, LINEAR),
+        figure("RMSE on the unseen half, after 3 s, mean error removed", float(np.std(error[settled])), "deg/s", 5.38, LINEAR),
+        figure("RMSE on the unseen half, nothing removed", rms(error[unseen]), "deg/s"),
+        figure("mean error on the unseen half after 3 s", float(np.mean(error[settled])), "deg/s"),
+        *static,
+    ]
+    sentences = [
+        "The state runs on from the fitted half into the unseen one; the score there leaves out 3 s and the mean error, as the reference does.",
+        f"The mean error of {np.mean(error[settled]):.1f} deg/s is a slow drift of the motor (friction falls or grows as it warms), "
+        "which no constant parameter follows.",
+        f"The record holds only {_range(answer)}; the static curve up to 5 V is an extrapolation with the same parameters.",
+    ]
+    return record("gearmotor", "Geared DC motor on a PRBS", figures, sentences, [answer], [file])
+
+
+def static_curve(path: Path, values: dict[str, float]) -> list[dict[str, Any]]:
+    """How well the fitted parameters predict the measured static curve."""
+    curve = read(path, period=1.0, signals={"u": "u", "y": "y"}, units={"u": "V", "y": "deg/s"})
+    u, y = curve["u"], curve["y"]
+    predicted = steady_speed(u, values)
+    moving = u[(u > 0) & (y > 0)]
+    at_top = u == u.max()
+    return [
+        figure("static curve, -5 to 5 V, RMSE of the prediction", rms(predicted - y), "deg/s", float(np.std(y)), "spread of the curve itself"),
+        figure("static speed at 5 V, predicted", float(predicted[at_top][0]), "deg/s", float(y[at_top][0]), "measured static curve"),
+        figure("dead zone, predicted edge", values["threshold"], "V", float(moving.min()), "lowest positive voltage that turned the motor"),
+    ]
+
+
+def _start(answer: Answer, mask: np.ndarray) -> float:
+    return float(answer.problem.experiments["prbs"].recording.t[mask][0])
+
+
+def _range(answer: Answer) -> str:
+    u = answer.problem.experiments["prbs"].recording["u"]
+    return f"{u.min():.2f} to {u.max():.2f} V"

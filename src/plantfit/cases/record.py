@@ -1,0 +1,29 @@
+"""What a demo returns: figures beside their references, sentences, answers."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from plantfit.fit import Answer
+
+
+def figure(name: str, value: float, unit: str | None, reference: float | None = None, source: str = "") -> dict[str, Any]:
+    """A number reached, with the number that others reached and where that stands."""
+    if not math.isfinite(value):
+        raise ValueError(f"figure {name!r} is {value}")
+    return {"name": name, "value": float(value), "unit": unit, "reference": reference, "source": source}
+
+
+def record(
+    name: str, title: str, figures: Sequence[dict[str, Any]], sentences: Sequence[str], answers: Sequence[Answer], files: Sequence[Path]
+) -> dict[str, Any]:
+    """The record that `registry.demos` describes."""
+    return {
+        "name": name,
+        "title": title,
+        "figures": list(figures),
+        "sentences": list(sentences),
+        "answers": list(answers),
+        "files": list(files),
+    }

@@ -1,0 +1,32 @@
+"""The demos by name; a driver is imported only when it is asked for."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+Run = Callable[..., dict[str, Any]]
+
+_SENTENCES = {
+    "gearmotor": "A slow geared DC motor: friction, PWM drive and dead time from one PRBS record, then the whole static curve predicted.",
+    "tanks": "Two tanks in series with overflow: an upper level that nobody measured, and the unseen last quarter predicted.",
+    "emps": "A linear drive with friction: force regression, free run from the measured force, and the closed loop.",
+}
+
+
+def demos() -> dict[str, tuple[str, Callable[[], Run]]]:
+    """Name -> (sentence, loader); `loader()` gives `run(folder, progress=None) -> record`.
+
+    `run` copies the study files and recordings of the demo into `folder` (made when missing), fits
+    them there and returns a record:
+
+        {"name": str, "title": str,
+         "figures": [{"name", "value", "unit", "reference": number | None, "source": str}],
+         "sentences": [str], "answers": [Answer], "files": [Path of each study file]}
+
+    Everything but `answers` and `files` is of JSON types. Raises StoreError for a folder that cannot be written to.
+    """
+    return {name: (sentence, _loader(name)) for name, sentence in _SENTENCES.items()}
+
+
+def _loader(name: str) -> Callable[[], Run]:
+    return lambda: import_module(f"plantfit.cases.{name}.demo").run

@@ -1,0 +1,1 @@
+"""Cascaded tanks with overflow (Uppsala benchmark), training half."""
