@@ -5,7 +5,8 @@ import numpy as np
 from plantfit.models.model import Declared, Model
 
 PARAMETERS = {
-    "a0": 0.2, "a1": 1.1, "a2": -0.15, "a3": 0.05, "T1": 0.004, "T2": 0.8, "c": 0.05, "b": 0.1, "d": 0.08, "e": 0.3, "x10": 0.1, "x20": -0.2,
+    "a0": 0.2, "a1": 1.1, "a2": -0.15, "a3": 0.05, "T1": 0.004, "T2": 0.8, "c": 0.05, "b": 0.1, "d": 0.08, "e": 0.3,
+    "x10": 0.1, "x20": -0.2,
 }  # fmt: skip
 PERIOD = 0.01  # s, 2.5 times the fast time constant
 

@@ -123,13 +123,13 @@ def test_no_import_cycles():
 
 
 def test_only_cli_prints():
-    wrong = []
-    for name, path in MODULES.items():
-        if name.split(".")[1:2] == ["cli"]:
-            continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print":
-                wrong.append(f"{name}:{node.lineno}")
+    wrong = [
+        f"{name}:{node.lineno}"
+        for name, path in MODULES.items()
+        if name.split(".")[1:2] != ["cli"]
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+    ]
     assert not wrong, f"print() outside cli: {wrong}"
 
 

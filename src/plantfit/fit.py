@@ -167,7 +167,9 @@ def gauss_newton(problem: Problem, x: np.ndarray, most: int = 30) -> np.ndarray:
         moved = np.clip(x + step, 0.0, 1.0)
         r, j = problem.residuals_and_jacobian(moved)
         before, after = jacobian[:, inside].T @ residuals, j[:, inside].T @ r
-        if not (np.all(np.isfinite(j)) and r @ r <= (1 + 1e-9) * (residuals @ residuals)) or np.linalg.norm(after) >= np.linalg.norm(before):
+        if not (np.all(np.isfinite(j)) and r @ r <= (1 + 1e-9) * (residuals @ residuals)) or np.linalg.norm(after) >= np.linalg.norm(
+            before
+        ):
             break
         x, residuals, jacobian = moved, r, j
     return x

@@ -21,7 +21,7 @@ def cache_folder() -> Path:
 if "xla_cpu_multi_thread_eigen" not in os.environ.get("XLA_FLAGS", ""):
     os.environ["XLA_FLAGS"] = (os.environ.get("XLA_FLAGS", "") + " " + _FLAGS).strip()
 
-import jax  # noqa: E402  (the flags above must stand before jax starts)
+import jax
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "xla"))

@@ -82,7 +82,10 @@ class Space:
             return None
         for c, v in zip(self.coordinates, given, strict=True):
             if v is not None and not c.lower <= v <= c.upper:
-                raise SpaceError(f"Parameter {c.parameter!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; widen them or move the start.")
+                raise SpaceError(
+                    f"Parameter {c.parameter!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; "
+                    "widen them or move the start."
+                )
         inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
         return np.where([v is None for v in given], 0.5, inside)
 

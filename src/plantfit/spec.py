@@ -83,7 +83,7 @@ class ParameterTable(_Table):
 
 class SimulationTable(_Table):
     stepper: Literal["rosenbrock", "rk4"] = "rosenbrock"
-    substeps: int | None = Field(None, ge=1)
+    substeps: Annotated[int, Field(ge=1)] | None = None
 
 
 class SearchTable(_Table):
@@ -126,7 +126,10 @@ def load(path: str | Path) -> Study:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
-        raise SpecError(f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with `plantfit init RECORDING.csv`.") from None
+        raise SpecError(
+            f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
+            "`plantfit init RECORDING.csv`."
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SpecError(f"The study file {str(path)!r} cannot be read: {error}.") from None
     return parse(text, path)
@@ -178,7 +181,9 @@ def validated(text: str, path: Path) -> SpecTable:
 
 def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str:
     first = error.errors()[0]
-    places = [str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")]
+    places = [
+        str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")
+    ]
     key = ".".join(places)
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
@@ -195,7 +200,8 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
 def _owner(loc: tuple[Any, ...]) -> list[str]:
     """Keys allowed in the table at a place."""
     tables: dict[str, type[BaseModel]] = {
-        "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable, "search": SearchTable,
+        "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
+        "search": SearchTable,
     }  # fmt: skip
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:
@@ -206,12 +212,13 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
 def _model(table: SpecTable, path: Path):
     m = table.model
     if (m.kind is None) == (m.equations is None):
-        raise SpecError(f"{path.name}: [model] needs either kind = \"...\" (see `plantfit models`) or equations = \"\"\"...\"\"\", and not both.")
+        raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')
     if m.kind is not None:
         return library.make(m.kind, **m.options)
     states = {n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()}
     parameters = {
-        n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence} for n, p in table.parameters.items()
+        n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}
+        for n, p in table.parameters.items()
     }
     try:
         return equations(
@@ -246,11 +253,16 @@ def read_recording(name: str, r: RecordingTable, path: Path) -> rec.Recording:
         kind = arguments.pop("step", None)
         if kind not in CLEANING:
             near = difflib.get_close_matches(str(kind), CLEANING, 1)
-            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] has step = {kind!r}; {f'did you mean {near[0]!r}? ' if near else ''}Known steps: {', '.join(CLEANING)}.")
+            raise SpecError(
+                f"{path.name}: recording.{name}.clean[{i}] has step = {kind!r}; "
+                f"{f'did you mean {near[0]!r}? ' if near else ''}Known steps: {', '.join(CLEANING)}."
+            )
         try:
             record = getattr(rec, kind)(record, **arguments)
         except TypeError as error:
-            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {str(error).removeprefix(f'{kind}() ')}; see docs/recordings.md.") from None
+            raise SpecError(
+                f"{path.name}: recording.{name}.clean[{i}] ({kind}): {str(error).removeprefix(f'{kind}() ')}; see docs/recordings.md."
+            ) from None
     return record
 
 
@@ -265,10 +277,16 @@ def _experiment(name: str, r: RecordingTable, path: Path) -> Experiment:
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
     if fit is not None and unseen is not None and fit == every:
-        raise SpecError(f"{path.name}: recording.{name} gives validate but no fit; add fit = [start, stop] in seconds so that they do not overlap.")
+        raise SpecError(
+            f"{path.name}: recording.{name} gives validate but no fit; add fit = [start, stop] in seconds so that they do not overlap."
+        )
     for what, interval in (("fit", fit), ("validate", unseen)):
         if interval is not None and interval[0] >= interval[1]:
-            raise SpecError(f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with start before stop.")
+            raise SpecError(
+                f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with start before stop."
+            )
     if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
-        raise SpecError(f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted.")
+        raise SpecError(
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
+        )
     return Experiment(record, fit, unseen, r.skip, r.before)

@@ -70,7 +70,7 @@ WRONG = {
     "unknown method": (("seed = 3", 'methods = ["psoo"]'), 8, "'psoo'"),
     "broken TOML": (("[model]", "[model"), 7, "not valid TOML"),
     "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "not both"),
-    "log bounds at zero": (('bounds = [1.0, 500.0]', 'bounds = [0.0, 500.0]'), 6, "above 0"),
+    "log bounds at zero": (("bounds = [1.0, 500.0]", "bounds = [0.0, 500.0]"), 6, "above 0"),
     "string for a number": (("split = 0.7", 'split = "most"'), 7, "split"),
 }
 
@@ -127,7 +127,9 @@ def test_no_store_and_no_study(folder, capsys, monkeypatch):
 def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeypatch):
     more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso", "cmaes"]\nruns = 6\nbudget = 60000')
     (folder / "heater.toml").write_text(more)
-    child = subprocess.Popen([sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"], stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"], stderr=subprocess.PIPE, text=True
+    )
     from plantfit.study import Store
 
     until = time.monotonic() + 90

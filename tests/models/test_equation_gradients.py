@@ -1,11 +1,12 @@
 """Derivatives against central differences, and without NaN where a branch or a root ends."""
 
-import jax
 import numpy as np
 import pytest
 from model_calls import derivative
 
 from plantfit.models import dc_motor, drive, equations
+
+import jax
 
 
 def value_of(text):

@@ -1,11 +1,12 @@
 """Values of expressions against numpy, and of whole models against functions written by hand."""
 
-import jax
 import numpy as np
 import pytest
 from model_calls import derivative, initial_state
 
 from plantfit.models import dc_motor, equations, first_order, second_order
+
+import jax
 
 RNG_SEED = 5
 

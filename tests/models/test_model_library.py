@@ -1,6 +1,5 @@
 """The models that come with plantfit: their declarations, options and closed-form behaviour."""
 
-import jax
 import numpy as np
 import pytest
 from model_calls import derivative, initial_state
@@ -21,6 +20,8 @@ from plantfit.models import (
     models,
     second_order,
 )
+
+import jax
 
 ALL = [
     ("dc_motor", {}),

@@ -68,7 +68,9 @@ def study(name: str, folder: Path, *, start: int | None) -> Study:
         'inputs = ["x"]',
         'outputs = ["y"]',
         "[search]",
-        'methods = ["auto"]' if start is None else 'methods = ["least_squares"]\nsettings = { least_squares = { agree = 1, max_steps = 2000 } }',
+        'methods = ["auto"]'
+        if start is None
+        else 'methods = ["least_squares"]\nsettings = { least_squares = { agree = 1, max_steps = 2000 } }',
         "seed = 5",
     ]
     for parameter, (low, high) in box.items():

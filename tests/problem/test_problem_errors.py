@@ -6,6 +6,7 @@ from problem_motors import line, line_recording
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SpaceError, UnitError
+from plantfit.models import dc_motor
 from plantfit.problem import Experiment, Problem, split
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
@@ -50,11 +51,9 @@ def test_a_signal_that_the_model_needs_is_named():
 
 
 def test_a_close_name_is_suggested():
-    from plantfit.models import dc_motor
-
     recording = Recording(np.arange(3.0), {"V": Signal(np.ones(3)), "w": Signal(np.ones(3))})
-    with pytest.raises(SpaceError, match="did you mean 'Rm'"):
-        Problem(dc_motor(), recording, {"Rn": 1.0})
+    with pytest.raises(SpaceError, match="; did you mean 'Rm'"):
+        Problem(dc_motor(), recording, {"Rmm": 1.0})
 
 
 def test_predict_names_an_unknown_recording():

@@ -81,4 +81,4 @@ def test_holding_and_tying_parameters():
 
 def test_wider_bounds_given_as_a_pair_replace_the_declared_ones():
     problem = Problem(line(), line_recording(), {"a": (-20, 40)})
-    assert problem.space.lower[0], problem.space.upper[0] == (-20.0, 40.0)
+    assert (problem.space.lower[0], problem.space.upper[0]) == (-20.0, 40.0)

@@ -1,5 +1,7 @@
 """A stiff plant with thirteen parameters, written twice: for plantfit, and in plain numbers for scipy."""
 
+import itertools
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -60,7 +62,7 @@ def exact(p, t, u, hold="previous", before=None):
         k = np.searchsorted(t, middle, side="right") - 1
         return float(before if k < 0 else u[k])
 
-    for a, b in zip(stops[:-1], stops[1:], strict=True):
+    for a, b in itertools.pairwise(stops):
         if b - a > 1e-13:
             middle = 0.5 * (a + b)
             f = lambda s, x, m=middle: rate(x[0], x[1], at(s, m), at(s - p["Td"], m - p["Td"]), p)  # noqa: E731

@@ -6,13 +6,14 @@ python killed_child.py DATABASE      starts study 1, or goes on with it
 import sys
 import time
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
 from plantfit.study import Plan, Store, resume, run
+
+import jax
+import jax.numpy as jnp
 
 PLAN = Plan(name="killed", methods=("lbfgsb", "pso"), runs=3, budget=900, seed=11, settings={"pso": {"population": 10}}, chunk=2)
 

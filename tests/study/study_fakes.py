@@ -5,13 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Status
 from plantfit.optimize.contract import Objective, RunResult
 from plantfit.optimize.progress import Progress
+
+import jax.numpy as jnp
 
 TARGET = np.array([0.3, 0.7, 1 / 3])
 

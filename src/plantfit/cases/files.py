@@ -5,11 +5,14 @@ from pathlib import Path
 
 from plantfit.errors import StoreError
 
-KEPT = (".toml", ".csv", ".gz", ".txt")
+KEPT = (".toml", ".csv", ".gz", ".txt", ".md")
 
 
 def unpack(name: str, folder: str | Path) -> Path:
-    """Copy the files of demo `name` into `folder` and return it. Raises StoreError when it cannot be written to."""
+    """Copy the files of demo `name` into `folder`, replacing earlier copies, and return it.
+
+    Raises StoreError when the folder cannot be written to.
+    """
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)

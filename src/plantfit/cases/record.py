@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from plantfit.errors import SimulationError
 from plantfit.fit import Answer
 
 
 def figure(name: str, value: float, unit: str | None, reference: float | None = None, source: str = "") -> dict[str, Any]:
-    """A number reached, with the number that others reached and where that stands."""
+    """A number reached, with the number that others reached and where that stands. Raises SimulationError unless finite."""
     if not math.isfinite(value):
-        raise ValueError(f"figure {name!r} is {value}")
+        raise SimulationError(f"The demo figure {name!r} is {value}; restore the study files and recordings of the demo and run it again.")
     return {"name": name, "value": float(value), "unit": unit, "reference": reference, "source": source}
 
 

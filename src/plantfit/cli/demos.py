@@ -35,7 +35,10 @@ def demo(name: str, folder: str, json: bool) -> None:
     reports = [str(a.report(Path(folder) / name / f"{a.problem.name}.html").resolve()) for a in record["answers"]]
     if json:
         plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
-        fits = [{"name": a.problem.name, "values": a.values, "verdict": a.findings["verdict"], "scores": a.findings["scores"]} for a in record["answers"]]
+        fits = [
+            {"name": a.problem.name, "values": a.values, "verdict": a.findings["verdict"], "scores": a.findings["scores"]}
+            for a in record["answers"]
+        ]
         return print_json({**plain, "fits": fits, "reports": reports, "seconds": time.perf_counter() - began})
     for answer in record["answers"]:
         out.print(f"[bold]{answer.problem.name}[/bold]")

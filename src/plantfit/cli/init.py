@@ -73,7 +73,8 @@ def init(file: str, place: str | None, force: bool, json: bool) -> None:
     numbers = [c for c in found.columns if c.kind == "number" and c.minimum is not None and c.maximum is not None and c.minimum < c.maximum]
     if len(numbers) < 2:
         raise RecordingError(
-            f"{source.name}: a study needs an input and an output, two columns of changing numbers beside the time; found {[c.header for c in numbers]}."
+            f"{source.name}: a study needs an input and an output, two columns of changing numbers beside the time; "
+            f"found {[c.header for c in numbers]}."
         )
     if found.problem:
         raise RecordingError(found.problem)
@@ -89,7 +90,9 @@ def init(file: str, place: str | None, force: bool, json: bool) -> None:
         name=_quoted(name),
         path=_quoted(os.path.relpath(source, target.parent)),
         columns="".join(f"#   {_column(c)}\n" for c in found.columns),
-        time=f"time = {_key(found.time)}\n" if found.time is not None else "period = 1.0           # seconds between rows: no time column was found, put yours\n",
+        time=f"time = {_key(found.time)}\n"
+        if found.time is not None
+        else "period = 1.0           # seconds between rows: no time column was found, put yours\n",
         units=_units({own[c]: c.unit for c in (u, y) if c.unit}),
         input=own[u],
         output=own[y],

@@ -44,7 +44,9 @@ def demo(
 @app.command()
 def init(
     file: Annotated[str, typer.Argument(help="A recording: CSV, CSV.gz, Parquet, XLSX, MAT, NPZ.")],
-    out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out.")] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing study file.")] = False,
     json: Json = False,
 ) -> None:
@@ -108,7 +110,9 @@ def predict(
     spec: Annotated[str, typer.Argument(help="The study file (TOML); its recordings may be new ones.")],
     out: Annotated[str, typer.Option("--out", "-o", help="CSV file to write.")] = "predicted.csv",
     values: Annotated[list[str] | None, typer.Option("--set", help="A parameter, as NAME=VALUE in its unit; may be repeated.")] = None,
-    study: Annotated[int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")] = None,
+    study: Annotated[
+        int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")
+    ] = None,
     recording: Annotated[str | None, typer.Option("--recording", help="Which recording of the study file; the first if left out.")] = None,
     store: StorePlace = STORE,
     json: Json = False,
@@ -144,7 +148,10 @@ def run_cli() -> None:
         sys.exit(error.exit_code)
     except OSError as error:
         place = f" {error.filename!r}" if error.filename else ""
-        print(f"plantfit: the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.", file=sys.stderr)
+        print(
+            f"plantfit: the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.",
+            file=sys.stderr,
+        )
         sys.exit(12)
     except KeyboardInterrupt:
         print("plantfit: stopped before anything was begun.", file=sys.stderr)

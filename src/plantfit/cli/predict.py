@@ -55,7 +55,10 @@ def _stored(name: str, number: int | None, store: str) -> dict[str, float]:
     opened = Store.open(store, create=False)
     own = [r for r in opened.studies() if (r.id == number if number is not None else r.name == name)]
     if not own:
-        raise StoreError(f"{store} holds no study {number if number is not None else repr(name)}; run it first, or give every parameter with --set NAME=VALUE.")
+        raise StoreError(
+            f"{store} holds no study {number if number is not None else repr(name)}; "
+            "run it first, or give every parameter with --set NAME=VALUE."
+        )
     runs = [r for r in opened.runs(own[-1].id) if np.isfinite(r.cost)]
     if not runs:
         raise StoreError(f"Study {own[-1].id} has no finished run yet; go on with `plantfit resume {own[-1].id}`.")

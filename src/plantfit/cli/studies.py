@@ -38,7 +38,15 @@ def listed(store: str, json: bool) -> None:
     if json:
         return print_json(
             [
-                {"id": r.id, "name": r.name, "created": r.created, "state": r.state, "methods": list(r.plan["methods"]), "runs_done": r.runs_done, "runs": r.runs_total}
+                {
+                    "id": r.id,
+                    "name": r.name,
+                    "created": r.created,
+                    "state": r.state,
+                    "methods": list(r.plan["methods"]),
+                    "runs_done": r.runs_done,
+                    "runs": r.runs_total,
+                }
                 for r in records
             ]
         )
@@ -83,7 +91,10 @@ def _work(study, opened, store: str, place: str | None, json: bool, number: int 
     record = opened.study(number)
     if record.state != "done" and stopped:
         where = "" if store == "plantfit.db" else f" --store {shlex.quote(store)}"
-        raise Interrupted(f"study {number} ({study.name}) is saved with {record.runs_done} of {record.runs_total} runs done; go on with `plantfit resume {number}{where}`.")
+        raise Interrupted(
+            f"study {number} ({study.name}) is saved with {record.runs_done} of {record.runs_total} runs done; "
+            f"go on with `plantfit resume {number}{where}`."
+        )
     seconds = {"prepare": prepared - started, "search": time.perf_counter() - prepared}
     _deliver(_answer(study, opened, number, store, seconds), place, study.name, json)
 
@@ -94,7 +105,20 @@ def _answer(study, opened, number: int, store: str, seconds):
 
     problem = prepare(study.problem)
     results = [
-        RunResult(r.method, r.run, r.seed, np.asarray(r.x), r.cost, r.evaluations, r.seconds, r.status, r.history_evaluations, r.history_cost, r.failures, dict(r.extra))
+        RunResult(
+            r.method,
+            r.run,
+            r.seed,
+            np.asarray(r.x),
+            r.cost,
+            r.evaluations,
+            r.seconds,
+            r.status,
+            r.history_evaluations,
+            r.history_cost,
+            r.failures,
+            dict(r.extra),
+        )
         for r in opened.runs(number)
     ]
     if not results:
@@ -136,5 +160,3 @@ def _study(record):
     if path.is_file() and path.read_text(encoding="utf-8") != record.spec_text:
         warn(f"{path.name} has changed since study {record.id} was started; the stored wording is used.")
     return specs.parse(record.spec_text, path)
-
-

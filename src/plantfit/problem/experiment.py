@@ -62,7 +62,10 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
         if unit is None or have is None or have == unit:
             continue
         if not units.compatible(have, unit):
-            raise UnitError(f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be turned into the model's {unit!r}; correct one of them.")
+            raise UnitError(
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be turned into the "
+                f"model's {unit!r}; correct one of them."
+            )
         factor, offset = units.factor_offset(have, unit)
         if factor != 1.0 or offset != 0.0:
             signals[name] = Signal(signals[name].values * factor + offset, unit)

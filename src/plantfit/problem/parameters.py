@@ -17,7 +17,8 @@ def space_of(declared: Sequence[Declared], changes: Mapping[str, Any] | None, re
     for name, change in (changes or {}).items():
         if name not in merged:
             close = difflib.get_close_matches(name, merged, 1)
-            raise SpaceError(f"The model has no parameter {name!r}; {f'did you mean {close[0]!r}? ' if close else ''}It has {sorted(merged)}.")
+            guess = f"; did you mean {close[0]!r}?" if close else "."
+            raise SpaceError(f"The model has no parameter {name!r}{guess} It has {sorted(merged)}.")
         merged[name] = _changed(name, merged[name], change)
     return Space(merged, recordings)
 
@@ -31,9 +32,11 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
     bounds, value, start = change.bounds, change.value, change.start
     if change.unit is not None and base.unit is not None and change.unit != base.unit:
         if not units.compatible(change.unit, base.unit):
-            raise UnitError(f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind.")
+            raise UnitError(
+                f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind."
+            )
         factor, offset = units.factor_offset(change.unit, base.unit)
-        bounds = tuple(b * factor + offset for b in bounds) if bounds else None
+        bounds = (bounds[0] * factor + offset, bounds[1] * factor + offset) if bounds else None
         value = value * factor + offset if value is not None else None
         start = start * factor + offset if start is not None else None
     held = value if value is not None else (None if bounds is not None or change.tied else base.value)

@@ -12,8 +12,10 @@ from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.optimize.contract import Objective
-from plantfit.problem.experiment import Experiment, in_units, split as split_recording
+from plantfit.problem.experiment import Experiment, in_units
+from plantfit.problem.experiment import split as split_recording
 from plantfit.problem.parameters import space_of
+from plantfit.problem.predictor import predictor_of
 from plantfit.recording.record import Recording
 from plantfit.simulate.simulator import Simulator
 
@@ -54,7 +56,7 @@ class Problem:
     ):
         self.model, self.name = model, name
         self.substeps_chosen = substeps is not None
-        self.predictor = _predictor(model, stepper, substeps or 1, hold)
+        self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._compiled: dict[Any, dict[str, Any]] = {}  # shared by all variants of this problem
@@ -78,7 +80,9 @@ class Problem:
             raise RecordingError("No measured sample is left to fit; check the fit interval and the missing values of the outputs.")
         for output in self.outputs:
             if not any(len(y) for (_, o), y in self._measured.items() if o == output):
-                raise RecordingError(f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part.")
+                raise RecordingError(
+                    f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part."
+                )
 
     def _scales(self, given: Mapping[str, float] | None) -> dict[str, float]:
         result = {}
@@ -106,7 +110,7 @@ class Problem:
         """The same problem simulated with other steps."""
         other = copy.copy(self)
         other.__dict__.pop("data", None)
-        other.predictor = self.predictor.replaced(simulator)
+        other.predictor = self.predictor.with_simulator(simulator)
         return other
 
     # -- pure functions ---------------------------------------------------------------------------
@@ -219,57 +223,6 @@ class Problem:
             raise RecordingError(f"There is no recording {name!r}; there are {list(self.experiments)}.")
         p = self.space.tree(jnp.asarray(values), name)
         return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self._full[name]).items()}
-
-
-class _Simulated:
-    """Predicts by simulation of a state model."""
-
-    def __init__(self, simulator: Simulator, model: Model):
-        self.simulator, self.model = simulator, model
-        self.needs = {**model.inputs, **model.outputs}
-        self.rows = max(1, len(model.states)) * simulator.substeps
-
-    def replaced(self, simulator: Simulator) -> "_Simulated":
-        return _Simulated(simulator, self.model)
-
-    def drive(self, experiment: Experiment, stop: int | None = None):
-        r = experiment.recording
-        cut = slice(None, stop)
-        return self.simulator.drive(
-            r.t[cut],
-            {n: r[n][cut] for n in self.model.inputs},
-            before=experiment.before,
-            measured={n: r[n] for n in self.model.outputs},
-        )
-
-    def outputs(self, p, drive):
-        return self.simulator.outputs(p, drive)
-
-
-class _Regressed:
-    """Predicts by a linear regression on measured signals."""
-
-    simulator = None
-    rows = 1
-
-    def __init__(self, model: LinearModel):
-        self.model = model
-        self.needs = dict(model.signals) | dict(model.outputs)
-
-    def drive(self, experiment: Experiment, stop: int | None = None):
-        r = experiment.recording
-        matrix = self.model.columns({n: r[n] for n in self.model.signals})
-        return matrix[:stop]
-
-    def outputs(self, p, drive):
-        vector = jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.model.parameters])
-        return {next(iter(self.model.outputs)): drive @ vector}
-
-
-def _predictor(model, stepper, substeps, hold):
-    if isinstance(model, LinearModel):
-        return _Regressed(model)
-    return _Simulated(Simulator.of(model, stepper=stepper, substeps=substeps, hold=hold), model)
 
 
 def _experiments(recordings, split, skip, validate, before, needs) -> dict[str, Experiment]:

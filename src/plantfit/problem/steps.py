@@ -18,25 +18,24 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     At the points of a fixed Sobol sequence the median of rms(step error) / std(output) has to fall
     under 1 %; points that cannot be simulated are left out. Nothing is done when the user has chosen.
     """
-    if problem.substeps_chosen or problem.predictor.simulator is None or not problem.predictor.simulator.vector.states:
+    if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = qmc.Sobol(problem.space.dimension, scramble=True, rng=0).random(points)
-    while problem.predictor.simulator.substeps < FINEST:
+    while problem.predictor.stepping().substeps < FINEST:
         shares = [s for s in (_step_error(problem, row) for row in z) if np.isfinite(s)]
         if shares and np.median(shares) < COARSE:
             break
-        problem = problem.with_simulator(problem.predictor.simulator.refined(2))
+        problem = problem.with_simulator(problem.predictor.stepping().refined(2))
     return problem
 
 
 def refined_at(problem: Problem, z: np.ndarray) -> Problem:
     """The problem with steps halved until their error at the cube point z is under 3 % of the residual."""
-    simulator = problem.predictor.simulator
-    if problem.substeps_chosen or simulator is None or not simulator.vector.states:
+    if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     rms = float(np.sqrt(np.mean(np.asarray(_residuals(problem)(z, problem.data)) ** 2)))
-    while problem.predictor.simulator.substeps < FINEST and _scaled_error(problem, z) > FINE * rms:
-        problem = problem.with_simulator(problem.predictor.simulator.refined(2))
+    while problem.predictor.stepping().substeps < FINEST and _scaled_error(problem, z) > FINE * rms:
+        problem = problem.with_simulator(problem.predictor.stepping().refined(2))
     return problem
 
 
@@ -57,7 +56,7 @@ def _step_error(problem: Problem, z: np.ndarray) -> float:
 
 def _difference(problem: Problem, z: np.ndarray) -> np.ndarray:
     """Residuals at these steps minus those at half of them, times q / (q - 1) with q = 2 ** order."""
-    simulator = problem.predictor.simulator
+    simulator = problem.predictor.stepping()
     q = 2.0 ** ORDER[simulator.stepper]
     fine = problem.with_simulator(simulator.refined(2))
     coarse = _residuals(problem)(z, problem.data)

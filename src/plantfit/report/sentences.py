@@ -54,7 +54,10 @@ def whiteness(test: ResidualTest) -> str:
     p = "" if test.p_value is None else f" (p = {significant(test.p_value, 2)})"
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
-    return f"Not white{p}: the residuals follow a pattern that the model does not explain; the standard errors allow for that, but something is missing."
+    return (
+        f"Not white{p}: the residuals follow a pattern that the model does not explain; "
+        "the standard errors allow for that, but something is missing."
+    )
 
 
 def independence(name: str, cross: Cross) -> str:

@@ -83,7 +83,5 @@ def merge(t: Any, knots: tuple[Any, ...], delays: tuple[Any, ...]) -> Steps:
     grid = jnp.zeros(total, t.dtype)
     for own, rank in zip(lists, ranks, strict=True):
         grid = grid.at[rank].set(own, unique_indices=True)
-    counts = []
-    for rank in ranks:
-        counts.append(jnp.cumsum(jnp.zeros(total, int).at[rank].set(1, unique_indices=True))[:-1])
+    counts = [jnp.cumsum(jnp.zeros(total, int).at[rank].set(1, unique_indices=True))[:-1] for rank in ranks]
     return Steps(grid[:-1], jnp.diff(grid), counts[0] - 1, tuple(counts[1:]), ranks[0])

@@ -80,7 +80,9 @@ class Simulator:
         before, measured = dict(before or {}), dict(measured or {})
         model = self.vector.model
         t = np.asarray(t, dtype=float)
-        value, slope, history = [], [], {}
+        value: list[np.ndarray] = []
+        slope: list[np.ndarray] = []
+        history: dict[str, float] = {}
         for name in model.inputs:
             if name not in inputs:
                 raise SimulationError(f"Model {model.name!r} needs the input {name!r}, which the recording does not have.")
@@ -88,12 +90,13 @@ class Simulator:
             if not np.all(np.isfinite(u)):
                 k = int(np.argmin(np.isfinite(u)))
                 raise SimulationError(
-                    f"Input {name!r} is missing at sample {k} ({t[k]:g} s); an input needs a value everywhere: fill its gaps or cut the recording there."
+                    f"Input {name!r} is missing at sample {k} ({t[k]:g} s); "
+                    "an input needs a value everywhere: fill its gaps or cut the recording there."
                 )
             v, s = sampled_pieces(t, u, self._hold(name))
             value.append(v)
             slope.append(s)
-            history[name] = float(before.get(name, u[0]))
+            history[name] = float(before[name]) if name in before else float(u[0])
         delayed = tuple(
             delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input]) for d in model.delays
         )
@@ -103,7 +106,7 @@ class Simulator:
             y = np.asarray(measured.get(name, [np.nan]), dtype=float)
             finite = y[np.isfinite(y)]
             seen.append(finite[0] if len(finite) else np.nan)
-        return Drive(t, tuple(value), tuple(slope), delayed, tuple(map(float, first)), tuple(map(float, seen)))
+        return Drive(t, tuple(value), tuple(slope), delayed, tuple(float(v) for v in first), tuple(float(v) for v in seen))
 
     def _hold(self, name: str) -> str:
         return Held.LINEAR if name in self.interpolated else Held.PREVIOUS

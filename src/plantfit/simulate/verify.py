@@ -48,7 +48,9 @@ def against_radau(
     for name, value in zip(simulator.vector.outputs, y, strict=True):
         error = np.asarray(value) - ours[name][:count]
         if not np.all(np.isfinite(error)):
-            raise SimulationError(f"Output {name!r} is not finite at these parameter values; the check against a tight solver is not possible there.")
+            raise SimulationError(
+                f"Output {name!r} is not finite at these parameter values; the check against a tight solver is not possible there."
+            )
         largest[name], rms[name] = float(np.max(np.abs(error))), float(np.sqrt(np.mean(error**2)))
     return StepError(largest, rms, 0, count - 1)
 
@@ -155,4 +157,3 @@ def doubling_error(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> 
     finer = simulator.refined(2)
     coarse, fine = jax.jit(simulator.outputs)(p, drive), jax.jit(finer.outputs)(p, drive)
     return {k: np.abs(np.asarray(coarse[k]) - np.asarray(fine[k])) * q / (q - 1.0) for k in coarse}
-

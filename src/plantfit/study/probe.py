@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import StoreError
 from plantfit.optimize.contract import Objective
 from plantfit.study.codec import from_blob, to_blob
+
+import jax.numpy as jnp
 
 POINTS = 3
 TOLERANCE = 1e-6  # other CPUs and library versions change last bits, other data change far more

@@ -5,4 +5,14 @@ from plantfit.trust.covariance import covariance
 from plantfit.trust.directions import Direction, flat_directions
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
 
-__all__ = ["Direction", "Local", "assess", "autocorrelation", "covariance", "cross_correlation", "flat_directions", "linearise", "whiteness"]
+__all__ = [
+    "Direction",
+    "Local",
+    "assess",
+    "autocorrelation",
+    "covariance",
+    "cross_correlation",
+    "flat_directions",
+    "linearise",
+    "whiteness",
+]

@@ -58,7 +58,9 @@ def _unseen(findings):
     fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit"}
     unseen = [r for r in findings["scores"] if r["part"] == "validation"]
     if not unseen:
-        yield _say("warning", "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second recording.")
+        yield _say(
+            "warning", "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second recording."
+        )
     for row in unseen:
         own = fitted.get((row["recording"], row["output"]))
         base = own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
@@ -69,7 +71,19 @@ def _unseen(findings):
         ratio = row["rmse"] / base
         level = "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
         end = {"good": "it holds", "warning": "it holds in part", "bad": "it does not hold there"}[level]
-        yield _say(level, f"{text}, {ratio:.2f} times that of the fitted samples: {end}.", rmse=row["rmse"], ratio=ratio)
+        yield _say(level, f"{text}, {ratio:.2f} times that of the fitted samples: {end}.{_shift(row)}", rmse=row["rmse"], ratio=ratio)
+
+
+def _shift(row) -> str:
+    """A constant error that makes up much of the unseen error: drift rather than dynamics."""
+    if abs(row["bias"]) < 0.4 * row["rmse"]:
+        return ""
+    rest = max(row["rmse"] ** 2 - row["bias"] ** 2, 0.0) ** 0.5
+    shift = _with_unit(abs(row["bias"]), row["unit"])
+    return (
+        f" A constant shift of {shift} is part of it (a drift, or an offset that changed); "
+        f"without it {_with_unit(rest, row['unit'])} remain."
+    )
 
 
 def _agreement(findings, best):
@@ -84,7 +98,9 @@ def _agreement(findings, best):
     if len(runs) > 1 and findings["basins"]:
         top = findings["basins"][0]
         level = "good" if top["share"] >= 0.5 else "warning"
-        yield _say(level, f"{top['runs']} of {len(runs)} runs agree on the best cost, {_number(top['cost'])}.", runs=top["runs"], of=len(runs))
+        yield _say(
+            level, f"{top['runs']} of {len(runs)} runs agree on the best cost, {_number(top['cost'])}.", runs=top["runs"], of=len(runs)
+        )
 
 
 def _parameters(findings):
@@ -95,16 +111,30 @@ def _parameters(findings):
     good = by.get("determined", [])
     if good:
         listed = ", ".join(_estimate(p) for p in good[:8]) + (f" and {len(good) - 8} more" if len(good) > 8 else "")
-        yield _say("good" if len(good) == total else "info", f"The data determine {len(good)} of {total} parameters: {listed}.", determined=len(good))
+        yield _say(
+            "good" if len(good) == total else "info",
+            f"The data determine {len(good)} of {total} parameters: {listed}.",
+            determined=len(good),
+        )
     for p in by.get("weak", []):
         yield _say("warning", f"{p['name']} is only roughly known: {_estimate(p)}.", value=p["value"], standard_error=p["standard_error"])
     for p in by.get("flat", []):
-        yield _say("bad", f"{p['name']} is not determined: the data allow nearly the whole range from {_number(p['lower_bound'])} to {_with_unit(p['upper_bound'], p['unit'])}.", value=p["value"])
+        yield _say(
+            "bad",
+            (
+                f"{p['name']} is not determined: the data allow nearly the whole range from {_number(p['lower_bound'])} "
+                f"to {_with_unit(p['upper_bound'], p['unit'])}."
+            ),
+            value=p["value"],
+        )
     for p in by.get("at bound", []):
         side = "lower" if p["at_bound"] == "lower" else "upper"
         yield _say(
             "warning",
-            f"{p['name']} ended on its {side} bound, {_with_unit(p['value'], p['unit'])}: the data pull it further. Widen the bound if physics allows, else take it out of the model.",
+            (
+                f"{p['name']} ended on its {side} bound, {_with_unit(p['value'], p['unit'])}: the data pull it further. "
+                "Widen the bound if physics allows, else take it out of the model."
+            ),
             value=p["value"],
         )
 
@@ -135,9 +165,16 @@ def _residuals(findings):
         where = _where(findings, row)
         r1 = row["autocorrelation"][1] if len(row["autocorrelation"]) > 1 else 0.0
         if row["white"]:
-            yield _say("good", f"The residuals of {where} are white (p = {row['p_value']:.2g}): no dynamics are left to explain.", p_value=row["p_value"])
+            yield _say(
+                "good",
+                f"The residuals of {where} are white (p = {row['p_value']:.2g}): no dynamics are left to explain.",
+                p_value=row["p_value"],
+            )
         else:
-            text = f"The residuals of {where} are not white (correlation {r1:.2f} from one sample to the next); standard errors account for it, but something systematic is missing"
+            text = (
+                f"The residuals of {where} are not white (correlation {r1:.2f} from one sample to the next); "
+                "standard errors account for it, but something systematic is missing"
+            )
             left = [i for i, c in row["cross"].items() if not c["independent"]]
             text += (
                 f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
@@ -159,7 +196,10 @@ def _noise(findings):
                 continue
             ratio = rms / noise
             row = {"recording": record["name"], "output": name}
-            text = f"Sample-to-sample noise of {_where(findings, row)} is about {_with_unit(noise, o['unit'])}; the residual is {ratio:.1f} times that"
+            text = (
+                f"Sample-to-sample noise of {_where(findings, row)} is about {_with_unit(noise, o['unit'])}; "
+                f"the residual is {ratio:.1f} times that"
+            )
             if ratio < 1.2:
                 yield _say("good", text + ": the fit is at the noise floor.", noise=noise, ratio=ratio)
             else:
@@ -175,7 +215,10 @@ def _steps(findings):
         end = "negligible" if share < 0.05 else "not negligible: ask for more substeps"
         yield _say(
             level,
-            f"The simulation of {name} is exact to {_with_unit(o['max_error'], o['unit'])} at worst ({findings['simulation']['checked_with']}), {100 * share:.2g} % of the residual: {end}.",
+            (
+                f"The simulation of {name} is exact to {_with_unit(o['max_error'], o['unit'])} at worst "
+                f"({findings['simulation']['checked_with']}), {100 * share:.2g} % of the residual: {end}."
+            ),
             max_error=o["max_error"],
             share=share,
         )

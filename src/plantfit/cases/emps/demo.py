@@ -13,7 +13,7 @@ from plantfit.fit import Answer
 
 REGRESSED = {"M": 95.116, "Fv": 203.37, "Fc": 20.409, "offset": -3.170}
 UNITS = {"M": "kg", "Fv": "N*s/m", "Fc": "N", "offset": "N"}
-IDIM = "inverse dynamic regression on the same record (data README)"
+IDIM = "separate inverse dynamic regression, same record"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s are a hard test.",
         "In closed loop the position follows its reference whatever the model, so the controller output is what is scored.",
         "The controller gains are held at what the recorded controller law itself shows, 159.5 1/s and 266.8 V s/m.",
-        "All three agree on mass and friction within their uncertainty: "
+        "Force regression, free run and closed loop in turn give "
         + "; ".join(f"{n} {', '.join(f'{a.values[n]:.4g}' for a in (force, free, closed))} {UNITS[n]}" for n in REGRESSED)
         + ".",
     ]
@@ -49,9 +49,9 @@ def _free_run(answer: Answer, force: Answer) -> list[dict[str, Any]]:
     values = np.array([{**force.values, "v_start": 0.0}[n] for n in problem.space.names])
     regressed = 1e3 * (problem.predict(values)["q"] - problem.experiments["emps"].recording["q"])
     unseen = part(answer, "validation")
-    here = "same simulation with the parameters of the force regression, which saw the whole record"
+    here = "parameters of the force regression above, which saw all"
     return [
-        figure("free run: position RMSE, whole record", rms(error), "mm", 5.09, f"simulation with the {IDIM}"),
+        figure("free run: position RMSE, whole record", rms(error), "mm", 5.09, f"simulated with {IDIM}"),
         figure("free run: position RMSE, fitted three quarters", rms(error[~unseen]), "mm", rms(regressed[~unseen]), here),
         figure("free run: position RMSE, unseen quarter", rms(error[unseen]), "mm", rms(regressed[unseen]), here),
     ]
@@ -64,5 +64,5 @@ def _closed_loop(answer: Answer) -> list[dict[str, Any]]:
     return [
         figure("closed loop: controller output RMSE, fitted half", rms(error[~unseen]), "V"),
         figure("closed loop: controller output RMSE, unseen half", rms(error[unseen]), "V"),
-        figure("closed loop: relative error, unseen half", relative, "%", 4.04, f"residual of force, {IDIM}, fitted"),
+        figure("closed loop: relative error, unseen half", relative, "%", 4.04, f"force residual, {IDIM}"),
     ]

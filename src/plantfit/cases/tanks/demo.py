@@ -17,7 +17,7 @@ PUBLISHED = {
     "TSEM": 0.33,
     "grey box with overflow (Rogers 2017)": 0.18,
 }
-THERE = "published RMSE on the benchmark's validation record, which is not this one"
+THERE = "published, on the validation record, not this one"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     file = unpack("tanks", folder) / "tanks.toml"
     answer = fit_file(file, progress)
     error = residual(answer, "level")
-    baseline = "linear cascade with offset, whole record fitted (data README)"
+    baseline = "linear cascade with offset, whole record"
     figures = [
         figure("RMSE on the fitted three quarters", rms(error[part(answer, "fit")]), "V", 0.525, baseline),
         figure("RMSE on the unseen quarter", rms(error[part(answer, "validation")]), "V", PUBLISHED["SCI"], f"SCI: {THERE}"),

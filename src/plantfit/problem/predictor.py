@@ -1,0 +1,75 @@
+"""How a model predicts the outputs of a recording: by simulation, or as a regression on measured signals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SimulationError
+from plantfit.models.model import Model
+from plantfit.models.regression import LinearModel
+from plantfit.problem.experiment import Experiment
+from plantfit.simulate.simulator import Simulator
+
+import jax.numpy as jnp
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """`outputs(p, drive)` for named parameters and the prepared numbers of a recording; pure.
+
+    `simulator` is None for a regression; `needs` maps the signals that a recording must have to
+    their units; `rows` is the number of stored values for each sample, for the memory of a batch.
+    """
+
+    model: Model | LinearModel
+    simulator: Simulator | None
+
+    @property
+    def needs(self) -> dict[str, str | None]:
+        own = self.model.inputs if isinstance(self.model, Model) else self.model.signals
+        return {**own, **self.model.outputs}
+
+    @property
+    def rows(self) -> int:
+        return 1 if self.simulator is None else max(1, len(self.simulator.vector.states)) * self.simulator.substeps
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether anything is integrated over time."""
+        return self.simulator is not None and bool(self.simulator.vector.states)
+
+    def stepping(self) -> Simulator:
+        """The simulator. Raises SimulationError for a regression."""
+        if self.simulator is None:
+            raise SimulationError(f"Model {self.model.name!r} is a regression: it has no time steps to choose or verify.")
+        return self.simulator
+
+    def with_simulator(self, simulator: Simulator) -> "Predictor":
+        """The same model simulated with other steps."""
+        return Predictor(self.model, simulator)
+
+    def drive(self, experiment: Experiment, stop: int | None = None) -> Any:
+        """The numbers of the first `stop` samples of a recording."""
+        r, cut = experiment.recording, slice(None, stop)
+        if isinstance(self.model, LinearModel):
+            return self.model.columns({n: r[n] for n in self.model.signals})[cut]
+        return self.stepping().drive(
+            r.t[cut],
+            {n: r[n][cut] for n in self.model.inputs},
+            before=experiment.before,
+            measured={n: r[n] for n in self.model.outputs},
+        )
+
+    def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:
+        """Every output at every sample, name -> (n,)."""
+        if isinstance(self.model, LinearModel):
+            return {self.model.target: drive @ jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.model.parameters])}
+        return self.stepping().outputs(p, drive)
+
+
+def predictor_of(model: Model | LinearModel, stepper: str, substeps: int, hold: Mapping[str, str] | None) -> Predictor:
+    """The way to predict with a model; raises SimulationError for settings that do not fit."""
+    if isinstance(model, LinearModel):
+        return Predictor(model, None)
+    return Predictor(model, Simulator.of(model, stepper=stepper, substeps=substeps, hold=hold))

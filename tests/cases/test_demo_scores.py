@@ -1,0 +1,74 @@
+"""Every demo reaches the figures that docs/demos.md states, on the parts that it says were unseen."""
+
+import json
+
+import numpy as np
+import pytest
+
+from plantfit.cases import demos
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory):
+    made = {}
+
+    def get(name):
+        if name not in made:
+            made[name] = demos()[name][1]()(tmp_path_factory.mktemp(name))
+        return made[name]
+
+    return get
+
+
+def value(record, name):
+    return next(f["value"] for f in record["figures"] if f["name"] == name)
+
+
+@pytest.mark.parametrize("name", ["gearmotor", "tanks", "emps"])
+def test_record_is_whole(records, name):
+    record = records(name)
+    plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
+    assert len(record["answers"]) == len(record["files"])
+    assert all(f.exists() for f in record["files"])
+    assert all(set(f) == {"name", "value", "unit", "reference", "source"} for f in record["figures"])
+    for answer in record["answers"]:
+        low, high = answer.problem.space.lower, answer.problem.space.upper
+        values = np.array([answer.values[n] for n in answer.problem.space.names])
+        assert np.all((values > low) & (values < high)), "an answer on a bound would be one that the study file made"
+
+
+def test_gearmotor_beats_the_linear_model_on_the_unseen_half(records):
+    record = records("gearmotor")
+    assert value(record, "RMSE on the fitted half") < 4.8
+    assert value(record, "RMSE on the unseen half, after 3 s, mean error removed") < 5.38
+    assert value(record, "RMSE on the unseen half, nothing removed") < 6.6
+
+
+def test_gearmotor_predicts_the_static_curve_it_never_saw(records):
+    record = records("gearmotor")
+    assert value(record, "static curve inside the range of the record, RMSE of the prediction") < 20
+    assert value(record, "static curve, -5 to 5 V, RMSE of the prediction") < 0.2 * 546
+    assert 650 < value(record, "static speed at 5 V, predicted") < 950
+    assert 0.30 < value(record, "dead zone, predicted edge") < 0.335
+
+
+def test_tanks_unseen_quarter(records):
+    record = records("tanks")
+    assert value(record, "RMSE on the fitted three quarters") < 0.23
+    assert value(record, "RMSE on the unseen quarter") < 0.40
+
+
+def test_emps_regression_is_within_two_standard_errors_of_the_reference(records):
+    reference = {"M": (95.116, 0.11), "Fv": (203.37, 1.1), "Fc": (20.409, 0.10), "offset": (-3.170, 0.04)}
+    values = records("emps")["answers"][0].values
+    for name, (expected, error) in reference.items():
+        assert abs(values[name] - expected) < 2 * error, name
+
+
+def test_emps_free_run_and_closed_loop(records):
+    record = records("emps")
+    assert value(record, "free run: position RMSE, whole record") < 3.5
+    assert value(record, "free run: position RMSE, unseen quarter") < 6.0
+    assert value(record, "closed loop: controller output RMSE, unseen half") < 0.08
+    assert record["answers"][2].values["M"] == pytest.approx(95.1, abs=1.0)

@@ -1,0 +1,145 @@
+"""Standard errors: against ordinary least squares, and by how often their intervals hold the truth."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from plantfit.trust import covariance, flat_directions
+from plantfit.trust.covariance import Block, bandwidth, first_correlation, long_run, prewhitened_long_run
+
+
+def regression(seed, n=400, rho=0.0, noise=1.0):
+    """Jacobian (n, 3) with a slow column, and AR(1) noise of unit variance times `noise`."""
+    rng = np.random.default_rng(seed)
+    slow = lfilter([1.0], [1.0, -0.8], rng.normal(size=n))
+    matrix = 20.0 * np.c_[np.ones(n), rng.normal(size=n), slow]
+    e = noise * np.sqrt(1.0 - rho**2) * lfilter([1.0], [1.0, -rho], rng.normal(size=n + 100))[100:]
+    return matrix, e
+
+
+def fit(matrix, y):
+    estimate = np.linalg.lstsq(matrix, y)[0]
+    residuals = matrix @ estimate - y
+    block = Block(slice(0, len(y)), np.arange(len(y)))
+    return estimate, covariance(matrix, residuals, [block], np.ones(matrix.shape[1], bool))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
+def test_intervals_hold_the_truth_as_often_as_they_say(rho):
+    truth, held, seeds = np.array([0.5, 0.4, 0.6]), np.zeros(3), 300
+    for seed in range(seeds):
+        matrix, e = regression(seed, n=800, rho=rho)
+        estimate, cov = fit(matrix, matrix @ truth + e)
+        held += np.abs(estimate - truth) <= 1.96 * np.sqrt(np.diag(cov))
+    assert np.all(held / seeds >= 0.90), held / seeds
+    assert np.all(held / seeds <= 0.98), held / seeds
+
+
+def test_ignoring_the_correlation_would_fail_that_test():
+    truth, held, seeds = np.array([0.5, 0.4, 0.6]), np.zeros(3), 300
+    for seed in range(seeds):
+        matrix, e = regression(seed, n=800, rho=0.6)
+        y = matrix @ truth + e
+        estimate = np.linalg.lstsq(matrix, y)[0]
+        r = y - matrix @ estimate
+        classical = np.linalg.inv(matrix.T @ matrix) * (r @ r) / (len(r) - 3)
+        held += np.abs(estimate - truth) <= 1.96 * np.sqrt(np.diag(classical))
+    assert held[0] / seeds < 0.85
+
+
+def test_white_residuals_give_the_classical_standard_errors():
+    matrix, e = regression(1, n=4000)
+    _, cov = fit(matrix, matrix @ np.array([0.1, 0.2, 0.3]) + e)
+    classical = np.linalg.inv(matrix.T @ matrix) * (e @ e) / (len(e) - 3)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov)), np.sqrt(np.diag(classical)), rtol=0.08)
+
+
+def test_scaling_residuals_and_jacobian_together_changes_nothing():
+    matrix, e = regression(2, rho=0.5)
+    block, free = [Block(slice(0, len(e)), np.arange(len(e)))], np.ones(3, bool)
+    np.testing.assert_allclose(covariance(matrix, e, block, free), covariance(7.0 * matrix, 7.0 * e, block, free), rtol=1e-9)
+
+
+def test_permuting_parameters_permutes_the_covariance():
+    matrix, e = regression(2, rho=0.5)
+    block, order = [Block(slice(0, len(e)), np.arange(len(e)))], [2, 0, 1]
+    there, free = covariance(matrix, e, block, np.ones(3, bool)), np.ones(3, bool)
+    np.testing.assert_allclose(covariance(matrix[:, order], e, block, free), there[np.ix_(order, order)], rtol=1e-9)
+
+
+def test_a_column_without_information_keeps_the_spread_of_the_box():
+    matrix, e = regression(3)
+    cov = covariance(np.c_[matrix, np.zeros(len(e))], e, [Block(slice(0, len(e)), np.arange(len(e)))], np.ones(4, bool))
+    assert np.sqrt(cov[3, 3]) == pytest.approx(1.0 / np.sqrt(12.0), rel=1e-9)
+
+
+def test_coordinates_on_a_bound_have_no_variance():
+    matrix, e = regression(3)
+    block = [Block(slice(0, len(e)), np.arange(len(e)))]
+    cov = covariance(matrix, e, block, np.array([True, False, True]))
+    assert np.all(cov[1] == 0.0)
+    assert np.all(cov[:, 1] == 0.0)
+    np.testing.assert_allclose(cov[np.ix_([0, 2], [0, 2])], covariance(matrix[:, [0, 2]], e, block, np.ones(2, bool)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("lags", [0, 1, 7])
+def test_long_run_sum_equals_its_definition(lags):
+    series = np.random.default_rng(0).normal(size=(40, 2))
+    expected = np.zeros((2, 2))
+    for i, a in enumerate(series):
+        for j, b in enumerate(series):
+            if abs(i - j) <= lags:
+                expected += (1.0 - abs(i - j) / (lags + 1.0)) * np.outer(a, b)
+    np.testing.assert_allclose(long_run(series, lags), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.8])
+def test_long_run_variance_of_an_ar1_is_found_also_with_gaps(rho):
+    # the sum of n samples of e' = rho e + w has variance n / (1 - rho)^2
+    n = 100_000
+    e = np.asarray(lfilter([1.0], [1.0, -rho], np.random.default_rng(6).normal(size=n)))[:, None]
+    assert prewhitened_long_run(e, np.arange(n))[0, 0] / n == pytest.approx(1.0 / (1.0 - rho) ** 2, rel=0.05)
+    # of samples kept by chance with probability q: q^2 of that, and q (1 - q) of the plain variance
+    q, kept = 0.9, np.flatnonzero(np.random.default_rng(7).uniform(size=n) < 0.9)
+    expected = q**2 / (1.0 - rho) ** 2 + q * (1.0 - q) / (1.0 - rho**2)
+    assert prewhitened_long_run(e[kept], kept)[0, 0] / n == pytest.approx(expected, rel=0.15)  # gaps blur the AR(1)
+
+
+def test_short_blocks_are_taken_as_white():
+    scores = np.ones((5, 1))
+    assert prewhitened_long_run(scores, np.arange(5)) == pytest.approx(5.0)
+
+
+def test_bandwidth_grows_with_correlation():
+    lags = [bandwidth(regression(5, n=2000, rho=r)[1][:, None]) for r in (0.0, 0.5, 0.9)]
+    assert lags[0] < lags[1] < lags[2]
+    assert bandwidth(np.zeros((50, 2))) == 0
+    assert first_correlation(np.zeros((50, 2))).tolist() == [0.0, 0.0]
+
+
+def test_the_flat_direction_of_a_product_is_named():
+    # y = R K u: only R K counts
+    u, values = np.linspace(1.0, 2.0, 200), np.array([4.0, 0.5, 3.0])
+    jacobian = np.c_[values[1] * u, values[0] * u, np.sin(9.0 * u)] / 0.01
+    directions = flat_directions(jacobian.T @ jacobian, values, np.array([1e3, 1e3, 1e3]), ("R", "K", "c"))
+    assert len(directions) == 1
+    weights = directions[0].weights
+    assert set(weights) == {"R", "K"}
+    assert weights["R"] == pytest.approx(-weights["K"], rel=1e-3)
+    assert directions[0].relative_sd > 1.0
+    assert {"R*K", "K*R"} & {directions[0].constant}
+    assert "R" in directions[0].sentence
+    assert "shrinks" in directions[0].sentence
+
+
+def test_the_flat_direction_of_a_quotient_is_named():
+    u, values = np.linspace(1.0, 2.0, 200), np.array([4.0, 0.5])
+    jacobian = np.c_[u / values[1], -values[0] / values[1] ** 2 * u] / 0.01
+    directions = flat_directions(jacobian.T @ jacobian, values, np.array([1e3, 1e3]), ("R", "K"))
+    assert {"R/K", "K/R"} & {directions[0].constant}
+    assert "can grow together" in directions[0].sentence
+
+
+def test_determined_parameters_have_no_flat_direction():
+    matrix, _ = regression(0)
+    assert flat_directions(matrix.T @ matrix, np.ones(3), np.full(3, 10.0), ("a", "b", "c")) == []
