@@ -19,7 +19,7 @@ def run(quick: bool) -> dict[str, float]:
     reference = scipy_bdf(t[:2000], u[:2000], 1e-9, 1e-11)()
     target = np.sin(t)
     signals = {"u": Signal(u), "y": Signal(target)}
-    problem = Problem(model(), Recording(t, signals), substeps=2)
+    problem = Problem(model(), Recording(t, signals), substeps=4)
     z = jnp.asarray(problem.space.cube(problem.space.vector(PARAMETERS)))
     data, compiled = problem.data, problem.compiled
     single, batch = z[None, :], jnp.clip(z + 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=(20, z.size))), 0.0, 1.0)

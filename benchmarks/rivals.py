@@ -13,7 +13,7 @@ from benchmarks.plant import PARAMETERS, PERIOD, jacobian, rate
 import jax
 import jax.numpy as jnp
 
-RTOL, ATOL = 1e-3, 1e-4  # about as exact as plantfit here, see the column "rms error"
+RTOL, ATOL = 1e-3, 1e-4  # loose: looser gains them little; the column "rms error" tells what each reaches
 
 
 def scipy_bdf(t: np.ndarray, u: np.ndarray, rtol: float = RTOL, atol: float = ATOL) -> Callable[[], np.ndarray]:

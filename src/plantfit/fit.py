@@ -17,6 +17,7 @@ from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.problem.steps import choose_substeps, refined_at
 from plantfit.report import summary_text, write_report
+from plantfit.study.objective import objective_of
 from plantfit.trust.assess import EDGE, assess
 
 REWEIGHTED = 3  # rounds of re-estimating the scale of every output
@@ -110,7 +111,7 @@ def fit(
     problem = prepare(problem)
     prepared = time.perf_counter()
     results = minimise(
-        problem.objective(),
+        objective_of(problem),
         method,
         runs=runs,
         budget=budget or default_budget(problem.space.dimension),
@@ -187,7 +188,7 @@ def _residual_scales(problem: Problem, x: np.ndarray) -> dict[str, float]:
 
 
 def _local(problem: Problem, x: np.ndarray, seed: int) -> np.ndarray:
-    objective = problem.objective(start=x[None, :])
+    objective = objective_of(problem, x[None, :])
     budget = int(200 * problem.jacobian_charge)
     return minimise(objective, "least_squares", runs=1, budget=budget, seed=seed, settings={"agree": 1})[0].x
 

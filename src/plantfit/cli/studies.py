@@ -82,11 +82,11 @@ def _work(study, opened, store: str, place: str | None, json: bool, number: int 
     with progress_line(json) as tell, stoppable() as stop:
         if number is None:
             number = studies.run(
-                study.plan, problem.objective(), opened, spec_text=study.text, spec_path=str(study.path.resolve()),
+                study.plan, studies.objective_of(problem), opened, spec_text=study.text, spec_path=str(study.path.resolve()),
                 coordinates=problem.space.names, progress=tell, stop=stop, **common,
             )  # fmt: skip
         else:
-            studies.resume(opened, number, problem.objective(), progress=tell, stop=stop, **common)
+            studies.resume(opened, number, studies.objective_of(problem), progress=tell, stop=stop, **common)
         stopped = stop()
     record = opened.study(number)
     if record.state != "done" and stopped:

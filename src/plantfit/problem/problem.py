@@ -11,7 +11,6 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
-from plantfit.optimize.contract import Objective
 from plantfit.problem.experiment import Experiment, in_units
 from plantfit.problem.experiment import split as split_recording
 from plantfit.problem.parameters import space_of
@@ -197,22 +196,6 @@ class Problem:
     def jacobian_charge(self) -> float:
         """Evaluations that one Jacobian is charged; measured in benchmarks/engine.py (1 + d/2, rounded up)."""
         return float(1 + (self.space.dimension + 1) // 2)
-
-    def objective(self, start: np.ndarray | None = None) -> Objective:
-        """What a search may see; `start` (k, d) are cube points to begin from, by default the guesses of the space."""
-        if start is None and self.space.start is not None:
-            start = self.space.start[None, :]
-        return Objective(
-            dimension=self.space.dimension,
-            costs=self.costs,
-            value_and_gradient=self.value_and_gradient,
-            residuals_and_jacobian=self.residuals_and_jacobian,
-            gradient_charge=self.gradient_charge,
-            jacobian_charge=self.jacobian_charge,
-            start=start,
-            lower=self.space.lower,
-            upper=self.space.upper,
-        )
 
     # -- at an answer -----------------------------------------------------------------------------
 

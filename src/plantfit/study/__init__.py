@@ -9,6 +9,7 @@ resume(store, study_id, objective)
 
 from plantfit.study.basins import Basin, basins
 from plantfit.study.comparison import Comparison, a12, compare, holm
+from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan, Task, tasks
 from plantfit.study.records import RunRecord, StudyRecord
 from plantfit.study.runner import StudyProgress, resume, run
@@ -45,6 +46,7 @@ __all__ = [
     "evaluations_to_target",
     "expected_running_time",
     "holm",
+    "objective_of",
     "resume",
     "run",
     "success_rate",
