@@ -19,10 +19,10 @@ class Block:
 def covariance(jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block], free: np.ndarray) -> np.ndarray:
     """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
 
-    Bread: the Gauss-Newton Hessian J'J. Meat: the long-run covariance of the scores J_t r_t with
-    Bartlett weights (Newey and West, Econometrica 55 (1987) 703, eq. 5), prewhitened because slow
-    residuals otherwise make intervals too short. The uniform prior
-    keeps flat directions finite: their standard error then is that of the box, 0.29.
+    The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
+    Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
+    too short. The uniform prior keeps flat directions finite: their standard error then is that of
+    the box, 0.29.
     Coordinates not `free` (held at a bound) get zero rows and columns.
     """
     d = jacobian.shape[1]
@@ -34,13 +34,15 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block],
     degrees = max(1, len(residuals) - len(active))
     variance = max(float(residuals @ residuals) / degrees, np.finfo(float).tiny)
     hessian = j.T @ j / variance
-    meat = np.zeros_like(hessian)
-    for block in blocks:
-        meat += prewhitened_long_run(j[block.rows] * residuals[block.rows, None], block.index)
-    meat *= len(residuals) / degrees / variance**2
     prior = BOX_PRECISION * np.eye(len(active))
     bread = np.linalg.inv(hessian + prior)
-    result[np.ix_(active, active)] = bread @ (meat + prior) @ bread
+    spread = bread @ prior @ bread
+    for block in blocks:
+        # what every residual does to every estimate: in these series nearly parallel columns of the
+        # Jacobian have cancelled already, so that each may be filtered by its own memory
+        influence = (j[block.rows] * residuals[block.rows, None]) @ bread / variance
+        spread += prewhitened_long_run(influence, block.index) * len(residuals) / degrees
+    result[np.ix_(active, active)] = spread
     return 0.5 * (result + result.T)
 
 
