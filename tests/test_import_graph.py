@@ -76,7 +76,7 @@ NAMED = rooms_of_table()
 
 
 def test_the_table_is_read_whole():
-    assert {"recording", "simulate", "optimize", "problem", "trust", "fit", "cli", "testing"} <= set(NAMED)
+    assert {"recording", "simulate", "optimize", "problem", "trust", "fitting", "cli", "testing"} <= set(NAMED)
     assert all(other in NAMED for names in NAMED.values() for other in names)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from plantfit import models, recording
     from plantfit.errors import PlantfitError
-    from plantfit.fit import Answer, fit
+    from plantfit.fitting import Answer, fit
     from plantfit.models import equations
     from plantfit.models.model import Declared, Delay, Model
     from plantfit.optimize import methods, minimise
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PLACES = {
-    "Answer": "plantfit.fit",
+    "Answer": "plantfit.fitting",
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
     "Experiment": "plantfit.problem",
@@ -37,7 +37,7 @@ _PLACES = {
     "Space": "plantfit.space",
     "Store": "plantfit.study",
     "equations": "plantfit.models",
-    "fit": "plantfit.fit",
+    "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
     "from_frame": "plantfit.recording",
     "load": "plantfit.spec",
@@ -83,7 +83,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _PLACES:
         value = getattr(import_module(_PLACES[name]), name)
-        globals()[name] = value  # the function `fit` must win over its module of the same name
+        globals()[name] = value
         return value
     if name in _ROOMS:
         return import_module(f"plantfit.{name}")

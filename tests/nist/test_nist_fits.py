@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from nist_specs import MODELS, certified, ordered, study
 
-from plantfit.fit import fit
+from plantfit.fitting import fit
 
 
 def digits(found, expected):

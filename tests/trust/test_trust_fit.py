@@ -8,7 +8,7 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
-from plantfit.fit import fit
+from plantfit.fitting import fit
 from plantfit.models import dc_motor
 from plantfit.models.model import Declared, Model
 from plantfit.problem import Problem

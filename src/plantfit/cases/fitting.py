@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.fit import Answer, fit
+from plantfit.fitting import Answer, fit
 from plantfit.spec import load
 
 

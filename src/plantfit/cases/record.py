@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.errors import SimulationError
-from plantfit.fit import Answer
+from plantfit.fitting import Answer
 
 
 def figure(name: str, value: float, unit: str | None, reference: float | None = None, source: str = "") -> dict[str, Any]:

@@ -73,7 +73,7 @@ def report(number: int | None, store: str, place: str | None, json: bool) -> Non
 
 def _work(study, opened, store: str, place: str | None, json: bool, number: int | None) -> None:
     from plantfit import study as studies
-    from plantfit.fit import prepare
+    from plantfit.fitting import prepare
 
     started = time.perf_counter()
     problem = prepare(study.problem)
@@ -100,7 +100,7 @@ def _work(study, opened, store: str, place: str | None, json: bool, number: int 
 
 
 def _answer(study, opened, number: int, store: str, seconds):
-    from plantfit.fit import Answer, finish, prepare
+    from plantfit.fitting import Answer, finish, prepare
     from plantfit.optimize.contract import RunResult
 
     problem = prepare(study.problem)

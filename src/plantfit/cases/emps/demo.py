@@ -9,7 +9,7 @@ import numpy as np
 from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file, part, residual, rms
 from plantfit.cases.record import figure, record
-from plantfit.fit import Answer
+from plantfit.fitting import Answer
 
 REGRESSED = {"M": 95.116, "Fv": 203.37, "Fc": 20.409, "offset": -3.170}
 UNITS = {"M": "kg", "Fv": "N*s/m", "Fc": "N", "offset": "N"}

@@ -10,7 +10,7 @@ from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file, part, residual, rms
 from plantfit.cases.gearmotor.steady import steady_speed
 from plantfit.cases.record import figure, record
-from plantfit.fit import Answer
+from plantfit.fitting import Answer
 from plantfit.recording import read
 
 SETTLING = 3.0  # s at the start of the second half that the reference leaves out as well
