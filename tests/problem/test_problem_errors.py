@@ -64,3 +64,13 @@ def test_predict_names_an_unknown_recording():
 def test_split_of_an_experiment_alone_names_its_share():
     with pytest.raises(RecordingError, match="split = -1"):
         split(line_recording(), -1.0)
+
+
+def test_a_parameter_of_its_own_needs_a_fitted_part():
+    t = np.arange(20.0)
+    record = Recording(t, {"V": Signal(np.ones(20), "V"), "w": Signal(np.ones(20), "rad/s")})
+    own = {"Tf": Parameter((1e-6, 1e-2), "N*m", per_recording=True)}
+    with pytest.raises(SpaceError, match="'new' is not fitted at all"):
+        Problem(dc_motor(), {"old": record, "new": record}, own, validate=["new"])
+    part = Experiment(record, fit=(0.0, 5.0), validate=(5.0, 20.0))
+    assert "Tf[new]" in Problem(dc_motor(), {"old": record, "new": part}, own).space.names

@@ -58,9 +58,21 @@ class Problem:
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
+        self._refuse_unfitted()
         self._compiled: dict[Any, dict[str, Any]] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales = self._scales(scales)
+
+    def _refuse_unfitted(self) -> None:
+        """A recording that is only predicted cannot give values to parameters of its own."""
+        own = [n for n, p in self.space.parameters.items() if p.per_recording and p.value is None and p.tied is None]
+        unseen = [n for n, e in self.experiments.items() if not np.any(e.mask("fit"))]
+        if own and unseen:
+            raise SpaceError(
+                f"Parameter {own[0]!r} is per_recording, but recording {unseen[0]!r} is not fitted at all, "
+                "so nothing gives its value there; "
+                "fit a short first part of that recording (fit = [start, stop], validate = [stop, end]) or share the parameter."
+            )
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)

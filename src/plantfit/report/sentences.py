@@ -51,7 +51,8 @@ def run_status(status: str) -> str:
 
 def whiteness(test: ResidualTest) -> str:
     """Whether the residuals of one output still hold a pattern."""
-    p = "" if test.p_value is None else f" (p = {significant(test.p_value, 2)})"
+    small = test.p_value is not None and test.p_value < 1e-6
+    p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
     return (
