@@ -14,7 +14,7 @@ class Declared:
     """A parameter as the model knows it: a default that the study may override.
 
     `bounds` are in `unit`; None means that the study must give them. `value` is set for constants
-    that the data are not asked about. `nominal` is a typical value, never a start of the search.
+    that the data are not asked about.
     """
 
     name: str
@@ -45,7 +45,6 @@ class Model:
     states has `derivative=None` and is a static function.
 
     Units are strings for `plantfit.units`; None means unknown and is not checked.
-    `smooth` False marks a right-hand side with kinks that a step-size check should expect.
     """
 
     name: str
