@@ -32,7 +32,7 @@ def demo(name: str, folder: str, json: bool) -> None:
     began = time.perf_counter()
     with progress_line(json) as tell:
         record = load()(Path(folder) / name, progress=tell)
-    reports = [str(a.report(Path(folder) / name / f"{a.problem.name}.html").resolve()) for a in record["answers"]]
+    reports = [str(a.report(Path(folder) / name / f"{_file(a.problem.name)}.html").resolve()) for a in record["answers"]]
     if json:
         plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
         fits = [
@@ -61,3 +61,7 @@ def _figures(figures: list[dict[str, Any]]) -> None:
         reference = f"{f['reference']:.4g}{unit}" if f["reference"] is not None else ""
         table.add_row(f["name"], f"{f['value']:.4g}{unit}", reference, f["source"] or "")
     out.print(table)
+
+
+def _file(name: str) -> str:
+    return name.replace(" ", "_")
