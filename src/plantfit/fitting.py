@@ -18,6 +18,7 @@ from plantfit.problem.problem import Problem
 from plantfit.problem.steps import choose_substeps, refined_at
 from plantfit.report import summary_text, write_report
 from plantfit.study.objective import objective_of
+from plantfit.study.plan import default_budget
 from plantfit.trust.assess import EDGE, assess
 
 REWEIGHTED = 3  # rounds of re-estimating the scale of every output
@@ -81,11 +82,6 @@ class Answer:
                 total = sum(s["n"] for s in own)
                 result[output] = float(np.sqrt(sum(s["n"] * s["rmse"] ** 2 for s in own) / total))
         return result
-
-
-def default_budget(dimension: int) -> int:
-    """Evaluations of a run when the user gives none."""
-    return max(3000, 1500 * dimension)
 
 
 def fit(

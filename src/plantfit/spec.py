@@ -16,7 +16,7 @@ from plantfit.errors import PlantfitError, SpecError
 from plantfit.models import equations, library
 from plantfit.problem import Experiment, Problem, split
 from plantfit.space import Parameter
-from plantfit.study.plan import Plan
+from plantfit.study.plan import Plan, default_budget
 
 CLEANING = (
     "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
@@ -160,11 +160,6 @@ def parse(text: str, path: str | Path = "study.toml") -> Study:
         settings=search.settings,
     )
     return Study(table.name, text, path, problem, plan, table)
-
-
-def default_budget(dimension: int) -> int:
-    """Evaluations of a run when the user gives none."""
-    return max(3000, 1500 * dimension)
 
 
 def validated(text: str, path: Path) -> SpecTable:

@@ -64,6 +64,11 @@ def tasks(plan: Plan) -> tuple[Task, ...]:
     )
 
 
+def default_budget(dimension: int) -> int:
+    """Evaluations of a run when the user gives none."""
+    return max(3000, 1500 * dimension)
+
+
 def _whole(name: str, key: str, value: Any, least: int) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         raise SearchError(f"Study {name!r}: {key} is {value!r}; give a whole number.")
