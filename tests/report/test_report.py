@@ -65,7 +65,7 @@ def test_numbers_and_words_are_there(page):
         "(3.20 ± 0.37)×10⁻⁵",
         "at its lower bound",
         "not determined",
-        "Not white (p = 2.1×10⁻⁹)",
+        "Not white (p < 0.000001)",
         "Caution",
         "Problem",
     ):
