@@ -1,17 +1,18 @@
-"""`python -m benchmarks`: all timings; QUICK=1 keeps them under a minute."""
+"""`python -m benchmarks`: all timings; QUICK=1 keeps them to about two minutes."""
 
 import os
 import sys
 import time
 
-from benchmarks import engine, startup
+from benchmarks import engine, motor, pid, startup, torque
+from benchmarks.steam import table
 
 
 def main() -> int:
     quick = os.environ.get("QUICK", "") not in ("", "0")
     started = time.perf_counter()
     figures: dict[str, float] = {}
-    for part in (engine, startup):
+    for part in (engine, table, pid, torque, motor, startup):
         figures |= part.run(quick)
         print()
     for name, value in figures.items():

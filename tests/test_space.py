@@ -56,6 +56,96 @@ def test_permuted_parameters_permute_the_vector():
     assert a == b
 
 
+ARRAYS = {
+    "k": Parameter((0.1, 1.5), "bar", shape=(3,), per_recording=True, start=[0.2, 0.3, 0.4]),
+    "R": Parameter((0.5, 10.0)),
+    "A": Parameter(([[1, 2, 3], [4, 5, 6]], 1e3), scale="log", shape=(2, 3)),
+    "same": Parameter(tied="A", shape=(2, 3)),
+    "known": Parameter(value=[1, 2, 4], shape=(3,)),
+    "flat": Parameter(value=7.0, shape=(2, 2)),
+}
+
+
+def test_arrays_have_a_coordinate_for_each_entry_beside_each_other():
+    space = Space(ARRAYS, ["a", "b"])
+    k = [f"k[{i}][{r}]" for r in "ab" for i in range(3)]
+    assert space.names == (*k, "R", *(f"A[{i},{j}]" for i in range(2) for j in range(3)))
+    np.testing.assert_array_equal(space.lower, [0.1] * 6 + [0.5] + [1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(space.upper, [1.5] * 6 + [10.0] + [1e3] * 6)
+    np.testing.assert_array_equal(space.log, [False] * 7 + [True] * 6)
+    assert {c.unit for c in space.coordinates if c.parameter == "k"} == {"bar"}
+
+
+def test_tree_gives_arrays_of_the_declared_shape():
+    space = Space(ARRAYS, ["a", "b"])
+    tree = space.tree(np.arange(13.0), "b")
+    np.testing.assert_array_equal(tree["k"], [3, 4, 5])
+    assert float(tree["R"]) == 6
+    np.testing.assert_array_equal(tree["A"], np.arange(7.0, 13).reshape(2, 3))
+    np.testing.assert_array_equal(tree["same"], tree["A"])
+    np.testing.assert_array_equal(tree["known"], [1, 2, 4])
+    np.testing.assert_array_equal(tree["flat"], np.full((2, 2), 7.0))
+    assert all(np.asarray(v).dtype == np.float64 for v in tree.values())
+
+
+def test_tree_of_arrays_can_be_traced_batched_and_differentiated():
+    space = Space(ARRAYS, ["a", "b"])
+    batch = np.random.default_rng(0).random((4, 13))
+    trees = jax.jit(jax.vmap(lambda v: space.tree(v, "a")))(batch)
+    np.testing.assert_array_equal(trees["A"], batch[:, 7:].reshape(4, 2, 3))
+    np.testing.assert_array_equal(trees["k"], batch[:, :3])
+    slope = jax.grad(lambda v: space.tree(v, "b")["k"] @ np.array([1.0, 2.0, 3.0]))(batch[0])
+    np.testing.assert_array_equal(slope, [0, 0, 0, 1, 2, 3, *[0] * 7])
+
+
+def test_an_array_of_equal_bounds_is_that_many_scalars():
+    array = Space({"k": Parameter((0.1, 9.0), scale="log", shape=(4,))})
+    scalars = Space({f"k{i}": Parameter((0.1, 9.0), scale="log") for i in range(4)})
+    z = np.random.default_rng(0).random((5, 4))
+    np.testing.assert_array_equal(array.physical(z), scalars.physical(z))
+    np.testing.assert_array_equal(array.cube(array.physical(z)), scalars.cube(scalars.physical(z)))
+
+
+def test_start_of_an_array_fills_its_entries_and_the_middle_the_others():
+    space = Space(ARRAYS, ["a", "b"])
+    assert space.start is not None
+    np.testing.assert_allclose(space.start, [*[(v - 0.1) / 1.4 for v in (0.2, 0.3, 0.4)] * 2, *[0.5] * 7], rtol=1e-12)
+    one = Space({"k": Parameter((0, 2), shape=(2, 2), start=0.5)})
+    np.testing.assert_array_equal(one.start, [0.25] * 4)
+    with pytest.raises(SpaceError, match=r"'k\[1\]' starts at 3"):
+        _ = Space({"k": Parameter((0, 2), shape=(2,), start=[1, 3])}).start
+
+
+def test_vector_takes_entries_by_name():
+    space = Space({"k": Parameter((0, 2), shape=(2,))})
+    np.testing.assert_array_equal(space.vector({"k[1]": 1.5, "k[0]": 0.5}), [0.5, 1.5])
+
+
+def test_parameters_given_as_lists_or_arrays_are_equal():
+    bounds = np.array([0.0, 1.0]), np.array([2.0, 3.0])
+    assert Parameter(bounds, value=np.array([1.0, 2.0])) == Parameter(([0, 1], [2, 3]), value=[1, 2])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        (Parameter(([0, 1], 1), shape=(3,)), r"a bound of shape \(2,\); give shape \(3,\) or one number"),
+        (Parameter(([0, 1, 2], [9, 0, 9]), shape=(3,)), r"'a\[1\]' has reversed bounds \[1, 0\]"),
+        (Parameter(([1, 0], 9), scale="log", shape=(2,)), r"'a\[1\]' has scale 'log'"),
+        (Parameter(([[0, 1], [2]], 9), shape=(2, 2)), "rows of different lengths"),
+        (Parameter((["x", 0], 9), shape=(2,)), "two numbers"),
+        (Parameter(value=[1, 2], shape=(3,)), r"a value of shape \(2,\)"),
+        (Parameter(value=[1, np.inf], shape=(2,)), "not a finite number"),
+        (Parameter(value=[1, 2]), "give one number"),
+        (Parameter(([0], [1])), "give one number"),
+        (Parameter(tied="b", shape=(2,)), r"shape \(2,\) is tied to 'b' of shape \(\)"),
+    ],
+)
+def test_wrong_arrays(parameter, words):
+    with pytest.raises(SpaceError, match=words):
+        Space({"a": parameter, "b": Parameter((0, 1))})
+
+
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [

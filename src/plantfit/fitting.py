@@ -15,6 +15,7 @@ from plantfit.errors import SearchError
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
+from plantfit.problem.shooting import Shooting
 from plantfit.problem.steps import choose_substeps, refined_at
 from plantfit.report import summary_text, write_report
 from plantfit.study.objective import objective_of
@@ -92,6 +93,7 @@ def fit(
     budget: int | None = None,
     seed: int = 0,
     settings: Mapping[str, Any] | None = None,
+    shooting: int | None = None,
     progress: Callable[[Any], None] | None = None,
     stop: Callable[[], bool] | None = None,
     spec: str | None = None,
@@ -100,14 +102,19 @@ def fit(
     """Find the parameters and what they are worth.
 
     Chooses the step of the simulation, searches, estimates the weight of every output from its
-    residuals when there are several, checks the step at the answer. Raises SearchError when no
-    candidate could be simulated.
+    residuals when there are several, checks the step at the answer. With `shooting` every record is
+    first cut into so many segments whose ends need not meet, which finds answers in long, oscillating
+    and unstable records (docs/long-records.md); the search then begins at what it found. Raises
+    SearchError when no candidate could be simulated.
     """
     started = time.perf_counter()
     problem = prepare(problem)
     prepared = time.perf_counter()
+    start = None if shooting is None else Shooting.of(problem, segments=shooting).search(seed=seed).z[None, :]
+    if start is not None and method == "auto":
+        method, settings = "least_squares", {"agree": 1, **dict(settings or {})}
     results = minimise(
-        objective_of(problem),
+        objective_of(problem, start),
         method,
         runs=runs,
         budget=budget or default_budget(problem.space.dimension),
@@ -154,7 +161,7 @@ def gauss_newton(problem: Problem, x: np.ndarray, most: int = 30) -> np.ndarray:
 
     A cost that is flat to rounding hides them from a search that compares costs.
     """
-    residuals, jacobian = problem.residuals_and_jacobian(x)
+    residuals, jacobian = problem.compressed(x)
     for _ in range(most):
         inside = (x > EDGE) & (x < 1 - EDGE)
         if not np.any(inside):
@@ -162,7 +169,7 @@ def gauss_newton(problem: Problem, x: np.ndarray, most: int = 30) -> np.ndarray:
         step = np.zeros_like(x)
         step[inside] = -np.linalg.lstsq(jacobian[:, inside], residuals, rcond=1e-12)[0]
         moved = np.clip(x + step, 0.0, 1.0)
-        r, j = problem.residuals_and_jacobian(moved)
+        r, j = problem.compressed(moved)
         before, after = jacobian[:, inside].T @ residuals, j[:, inside].T @ r
         if not (np.all(np.isfinite(j)) and r @ r <= (1 + 1e-9) * (residuals @ residuals)) or np.linalg.norm(after) >= np.linalg.norm(
             before
@@ -173,7 +180,7 @@ def gauss_newton(problem: Problem, x: np.ndarray, most: int = 30) -> np.ndarray:
 
 
 def _residual_scales(problem: Problem, x: np.ndarray) -> dict[str, float]:
-    residuals, start = np.asarray(problem.compiled["residuals"](x, problem.data)), 0
+    residuals, start = np.asarray(problem.residuals(x)), 0
     squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
     for name in problem.data["drive"]:
         for output in problem.outputs:

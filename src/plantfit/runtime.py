@@ -1,7 +1,7 @@
 """How jax runs under plantfit: float64, one thread, a compilation cache that outlives the process.
 
-Import this module before jax. One XLA thread, because reductions change their last bits with the
-number of threads; cores are used by that many workers instead.
+Import this module before jax. One XLA thread and one BLAS thread, because reductions change their
+last bits with the number of threads; cores are used by that many workers instead.
 """
 
 import os
@@ -21,8 +21,12 @@ def cache_folder() -> Path:
 if "xla_cpu_multi_thread_eigen" not in os.environ.get("XLA_FLAGS", ""):
     os.environ["XLA_FLAGS"] = (os.environ.get("XLA_FLAGS", "") + " " + _FLAGS).strip()
 
+import scipy.linalg  # noqa: F401  (loads the BLAS that jax uses, so that it can be limited)
+from threadpoolctl import threadpool_limits
+
 import jax
 
+threadpool_limits(1, user_api="blas")
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)

@@ -1,6 +1,7 @@
 """Parameters of a study: names, units, bounds, scales, ties; unit cube to named values and back."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,6 +13,8 @@ from plantfit.errors import SpaceError
 import jax.numpy as jnp
 from jax import Array
 
+Numbers = Any  # a number, or nested sequences of numbers in the shape of the parameter
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -21,21 +24,29 @@ class Parameter:
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
     every recording its own value (offsets, initial states). `start` is a guess: searches that take
     warm starts begin there as well.
+
+    With a `shape`, (n,) or (ny, nu), it is an array, as the values of a table are. Each bound, and
+    `value` and `start`, is then a number for all entries or nested sequences of that shape.
     """
 
-    bounds: tuple[float, float] | None = None
+    bounds: tuple[Numbers, Numbers] | None = None
     unit: str | None = None
     scale: Literal["linear", "log"] = "linear"
-    value: float | None = None
+    value: Numbers | None = None
     tied: str | None = None
     per_recording: bool = False
-    start: float | None = None
+    start: Numbers | None = None
     sentence: str = ""
+    shape: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("bounds", "value", "start", "shape"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One axis of the cube. `recording` is None for a shared parameter."""
+    """One axis of the cube. `recording` is None for a shared parameter, `index` () for a single number."""
 
     parameter: str
     recording: str | None
@@ -43,14 +54,47 @@ class Coordinate:
     lower: float
     upper: float
     log: bool
+    index: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
-        return self.parameter if self.recording is None else f"{self.parameter}[{self.recording}]"
+        """R, R[train], k[3], k[3][train], k[2,5]."""
+        entry = _entry(self.parameter, self.index)
+        return entry if self.recording is None else f"{entry}[{self.recording}]"
+
+
+def _entry(name: str, index: tuple[int, ...]) -> str:
+    return f"{name}[{','.join(map(str, index))}]" if index else name
+
+
+def _frozen(value: Any) -> Any:
+    """Lists and arrays as nested tuples, so that a parameter can be compared."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
+def _is_numeric(value: Any) -> bool:
+    """A number, or nested tuples of numbers."""
+    return all(map(_is_numeric, value)) if isinstance(value, tuple) else _is_number(value)
+
+
+def _spread(name: str, what: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """A number for all entries, or nested sequences of the shape, as a float64 array of `shape`."""
+    if not _is_numeric(value):
+        raise SpaceError(f"Parameter {name!r} has {what} {value!r}, which is not a number; write one.")
+    try:
+        array = np.asarray(value, dtype=float)
+    except ValueError:
+        raise SpaceError(f"Parameter {name!r} has {what} in rows of different lengths; give one number or shape {shape}.") from None
+    if array.shape not in ((), shape):
+        wanted = f"shape {shape}" if shape else "one number"
+        raise SpaceError(f"Parameter {name!r} has {what} of shape {array.shape}; give {wanted}{' or one number' if shape else ''}.")
+    return np.broadcast_to(array, shape)
 
 
 class Space:
@@ -69,7 +113,9 @@ class Space:
         self.lower = np.array([c.lower for c in self.coordinates])
         self.upper = np.array([c.upper for c in self.coordinates])
         self.log = np.array([c.log for c in self.coordinates], dtype=bool)
-        self._place = {(c.parameter, c.recording): i for i, c in enumerate(self.coordinates)}
+        self._place: dict[tuple[str, str | None], int] = {}  # of the first entry; the others follow it
+        for i, c in enumerate(self.coordinates):
+            self._place.setdefault((c.parameter, c.recording), i)
 
     @property
     def start(self) -> np.ndarray | None:
@@ -77,13 +123,14 @@ class Space:
 
         Raises SpaceError for a guess outside the bounds.
         """
-        given = [self.parameters[c.parameter].start for c in self.coordinates]
+        starts = {n: _spread(n, "a start", p.start, p.shape) for n, p in self.parameters.items() if p.start is not None}
+        given = [float(starts[c.parameter][c.index]) if c.parameter in starts else None for c in self.coordinates]
         if all(v is None for v in given):
             return None
         for c, v in zip(self.coordinates, given, strict=True):
             if v is not None and not c.lower <= v <= c.upper:
                 raise SpaceError(
-                    f"Parameter {c.parameter!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; "
+                    f"Parameter {_entry(c.parameter, c.index)!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; "
                     "widen them or move the start."
                 )
         inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
@@ -93,34 +140,24 @@ class Space:
     def dimension(self) -> int:
         return len(self.coordinates)
 
-    def _coordinates(self):
+    def _coordinates(self) -> Iterator[Coordinate]:
+        """One for each free entry; the entries of a parameter in a recording lie beside each other."""
         for name, p in self.parameters.items():
             if p.tied is not None:
-                self._root(name)
-                continue
-            if p.value is not None:
-                if not _is_number(p.value) or not np.isfinite(p.value):
-                    raise SpaceError(f"Parameter {name!r} is fixed at {p.value}, which is not a finite number.")
-                continue
-            if p.bounds is None:
-                raise SpaceError(f"Parameter {name!r} has neither bounds nor a value; give bounds = [low, high] or value = number.")
-            if isinstance(p.bounds, str) or len(p.bounds) != 2 or not all(map(_is_number, p.bounds)):
-                raise SpaceError(f"Parameter {name!r} has bounds {p.bounds!r}; give two numbers [low, high].")
-            low, high = (float(b) for b in p.bounds)
-            if not (np.isfinite(low) and np.isfinite(high)):
-                raise SpaceError(f"Parameter {name!r} has bounds [{low:g}, {high:g}]; both must be finite numbers.")
-            if low > high:
-                raise SpaceError(f"Parameter {name!r} has reversed bounds [{low:g}, {high:g}]; write [{high:g}, {low:g}].")
-            if low == high:
-                raise SpaceError(f"Parameter {name!r} has equal bounds {low:g}; write value = {low:g} to hold it.")
-            if p.scale not in ("linear", "log"):
-                raise SpaceError(f"Parameter {name!r} has scale {p.scale!r}; use 'linear' or 'log'.")
-            if p.scale == "log" and low <= 0:
-                raise SpaceError(
-                    f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = 'linear'."
-                )
-            for recording in self.recordings if p.per_recording else (None,):
-                yield Coordinate(name, recording, p.unit, low, high, p.scale == "log")
+                self._check_tie(name)
+            elif p.value is not None:
+                _check_value(name, p)
+            else:
+                low, high = _checked_bounds(name, p)
+                for recording in self.recordings if p.per_recording else (None,):
+                    for index in np.ndindex(p.shape):
+                        yield Coordinate(name, recording, p.unit, float(low[index]), float(high[index]), p.scale == "log", index)
+
+    def _check_tie(self, name: str) -> None:
+        root = self._root(name)
+        own, other = self.parameters[name].shape, self.parameters[root].shape
+        if own != other:
+            raise SpaceError(f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes.")
 
     def _root(self, name: str) -> str:
         seen = [name]
@@ -131,6 +168,13 @@ class Space:
                 raise SpaceError(f"Parameters {' -> '.join([*seen, target])} are tied in a circle; fix or free one of them.")
             seen.append(target)
         return seen[-1]
+
+    def range(self, name: str) -> tuple[float, float]:
+        """All values that a parameter can take in its unit, (low, high); equal when it is held."""
+        p = self.parameters[self._root(name)]
+        held = p.value if p.value is not None else None
+        low, high = (held, held) if held is not None else p.bounds  # type: ignore[misc]
+        return float(np.min(low)), float(np.max(high))
 
     def physical(self, z: Any) -> Array:
         """Cube points (..., d) to values in the declared units (..., d)."""
@@ -153,21 +197,18 @@ class Space:
         return np.where(self.log, (np.log(safe) - np.log(low)) / ratio, linear)
 
     def tree(self, values: Any, recording: str | None = None) -> dict[str, Any]:
-        """Values (d,) to a mapping from every parameter (fixed and tied ones too) to its scalar."""
-        result = {}
-        for name in self.parameters:
-            root = self._root(name)
-            p = self.parameters[root]
-            if p.value is not None:
-                result[name] = jnp.asarray(float(p.value))
-            else:
-                place = root, recording if p.per_recording else None
-                if place not in self._place:
-                    raise SpaceError(
-                        f"Parameter {root!r} has a value per recording, but not for {recording!r}; known: {list(self.recordings)}."
-                    )
-                result[name] = values[self._place[place]]
-        return result
+        """Values (d,) to a mapping from every parameter (fixed and tied ones too) to its scalar or array."""
+        return {name: self._of(self._root(name), values, recording) for name in self.parameters}
+
+    def _of(self, name: str, values: Any, recording: str | None) -> Any:
+        p = self.parameters[name]
+        if p.value is not None:
+            return jnp.asarray(_spread(name, "a value", p.value, p.shape) if p.shape else float(p.value))
+        place = name, recording if p.per_recording else None
+        if place not in self._place:
+            raise SpaceError(f"Parameter {name!r} has a value per recording, but not for {recording!r}; known: {list(self.recordings)}.")
+        first = self._place[place]
+        return values[first : first + math.prod(p.shape)].reshape(p.shape) if p.shape else values[first]
 
     def vector(self, named: Mapping[str, float]) -> np.ndarray:
         """Named values (coordinate names) to a vector (d,); the inverse of dict(zip(names, values))."""
@@ -175,3 +216,33 @@ class Space:
         if missing:
             raise SpaceError(f"No value for parameter {missing[0]!r}; needed are {list(self.names)}.")
         return np.array([float(named[n]) for n in self.names])
+
+
+def _check_value(name: str, p: Parameter) -> None:
+    if not _is_numeric(p.value) or not np.all(np.isfinite(_spread(name, "a value", p.value, p.shape))):
+        raise SpaceError(f"Parameter {name!r} is fixed at {p.value}, which is not a finite number.")
+
+
+def _checked_bounds(name: str, p: Parameter) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds, both of the parameter's shape."""
+    if p.bounds is None:
+        raise SpaceError(f"Parameter {name!r} has neither bounds nor a value; give bounds = [low, high] or value = number.")
+    if isinstance(p.bounds, str) or len(p.bounds) != 2 or not all(map(_is_numeric, p.bounds)):
+        raise SpaceError(f"Parameter {name!r} has bounds {p.bounds!r}; give two numbers [low, high].")
+    if p.scale not in ("linear", "log"):
+        raise SpaceError(f"Parameter {name!r} has scale {p.scale!r}; use 'linear' or 'log'.")
+    low, high = (_spread(name, "a bound", b, p.shape) for b in p.bounds)
+    for index in np.ndindex(p.shape):
+        _check_pair(_entry(name, index), float(low[index]), float(high[index]), p.scale)
+    return low, high
+
+
+def _check_pair(name: str, low: float, high: float, scale: str) -> None:
+    if not (np.isfinite(low) and np.isfinite(high)):
+        raise SpaceError(f"Parameter {name!r} has bounds [{low:g}, {high:g}]; both must be finite numbers.")
+    if low > high:
+        raise SpaceError(f"Parameter {name!r} has reversed bounds [{low:g}, {high:g}]; write [{high:g}, {low:g}].")
+    if low == high:
+        raise SpaceError(f"Parameter {name!r} has equal bounds {low:g}; write value = {low:g} to hold it.")
+    if scale == "log" and low <= 0:
+        raise SpaceError(f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = 'linear'.")

@@ -32,7 +32,17 @@ def _names(value: Any) -> Any:
     return {n: None for n in value} if isinstance(value, list) else value
 
 
+def _numbers(value: Any) -> Any:
+    """A number, or nested lists of numbers as tuples (the values of a table)."""
+    if isinstance(value, list | tuple):
+        return tuple(_numbers(v) for v in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} is not a number")
+    return float(value)
+
+
 Pair = tuple[float, float]
+Numbers = Annotated[Any, BeforeValidator(_numbers)]  # one number for all nodes of a table, or one for each
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
 
 
@@ -49,6 +59,7 @@ class RecordingTable(_Table):
     split: float | None = Field(None, gt=0, lt=1)
     skip: float = Field(0.0, ge=0)
     before: dict[str, float] = {}
+    steady: bool = False
     clean: list[dict[str, Any]] = []
     sort: bool = False
 
@@ -56,6 +67,12 @@ class RecordingTable(_Table):
 class StateTable(_Table):
     unit: str | None = None
     initial: float | str = 0.0
+
+
+class TableTable(_Table):
+    over: str | list[str]
+    nodes: Any
+    unit: str | None = None
 
 
 class ModelTable(_Table):
@@ -66,23 +83,24 @@ class ModelTable(_Table):
     states: dict[str, StateTable | str] = {}
     outputs: Units = {}
     constants: dict[str, float | str] = {}
+    tables: dict[str, TableTable] = {}
     hold: dict[str, Literal["previous", "linear"]] = {}
     check_units: bool = True
 
 
 class ParameterTable(_Table):
-    bounds: Pair | None = None
+    bounds: tuple[Numbers, Numbers] | None = None
     unit: str | None = None
     scale: Literal["linear", "log"] = "linear"
-    value: float | None = None
+    value: Numbers | None = None
     tied: str | None = None
     per_recording: bool = False
-    start: float | None = None
+    start: Numbers | None = None
     sentence: str = ""
 
 
 class SimulationTable(_Table):
-    stepper: Literal["rosenbrock", "rk4"] = "rosenbrock"
+    stepper: Literal["exponential", "rosenbrock", "rk4"] = "exponential"
     substeps: Annotated[int, Field(ge=1)] | None = None
 
 
@@ -201,6 +219,8 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:
         table = StateTable
+    if loc[:2] == ("model", "tables"):
+        table = TableTable
     return [f.alias or n for n, f in table.model_fields.items()]
 
 
@@ -223,6 +243,7 @@ def _model(table: SpecTable, path: Path):
             outputs=m.outputs,
             parameters=parameters,
             constants=m.constants,
+            tables={n: {"over": t.over, "nodes": t.nodes, "unit": t.unit} for n, t in m.tables.items()},
             name=table.name,
             check=m.check_units,
         )
@@ -267,7 +288,7 @@ def _experiment(name: str, r: RecordingTable, path: Path) -> Experiment:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")
         cut = split(record, r.split, r.skip)
-        return Experiment(record, cut.fit, cut.validate, r.skip, r.before)
+        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady)
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)

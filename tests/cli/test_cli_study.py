@@ -22,7 +22,8 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     record = json.loads(said.out)
     assert said.code == 0
     assert record["recordings"]["bench"]["fitted"] == 280
-    assert record["verify"]["T"]["max_error"] < 0.05
+    assert [v["output"] for v in record["verify"]] == ["T"]
+    assert record["verify"][0]["max_error"] < 0.05
 
     said = call(capsys, monkeypatch, "run", "heater.toml")
     assert said.code == 0, said.err

@@ -31,14 +31,23 @@ ALL = [
     ("drive_regression", {}),
     ("first_order", {"input_unit": "%", "output_unit": "degC"}),
     ("first_order", {"dead_time": False, "offset": False, "initial": "free"}),
+    ("hammerstein_wiener", {}),
+    ("hammerstein_wiener", {"input_curve": "saturation", "order": 3, "form": "modal", "output_curve": "table", "dead_time": True}),
+    ("hammerstein_wiener", {"input_curve": "dead_zone", "order": 1, "degree": 3, "input_unit": "V", "output_unit": "rad/s"}),
+    ("hammerstein_wiener", {"input_curve": "table", "order": 3, "output_curve": "none", "input_unit": "%", "output_unit": "K"}),
     ("second_order", {"initial": "free"}),
     ("second_order", {"dead_time": False}),
+    ("steam_chamber", {}),
+    ("steam_chamber", {"opening_nodes": [0, 50, 100], "nodes": [0, 5, 20], "dead_time": False, "initial": "measured"}),
+    ("tabled_first_order", {"input_unit": "%", "output_unit": "degC"}),
+    ("tabled_first_order", {"over": "y", "nodes": [-3, 0, 5], "dead_time": False, "offset": False, "initial": "free"}),
 ]
 
 
 def values(model, seed=0):
     draw = np.random.default_rng(seed).uniform
-    return {p.name: draw(0.5, 2.0) for p in model.parameters}
+    found = {p.name: draw(0.5, 2.0, p.shape) if p.shape else draw(0.5, 2.0) for p in model.parameters}
+    return found | {n: v for n, v in {"low": 0.4, "high": 0.6}.items() if n in found}  # within the inputs of `point`
 
 
 def point(model, seed=0):
@@ -64,7 +73,7 @@ def test_every_declaration_is_usable(name, options):
 
 @pytest.mark.parametrize(("name", "options"), [entry for entry in ALL if entry[0] != "drive_regression"])
 def test_every_parameter_and_state_has_an_effect(name, options):
-    """Shift each argument alone: some derivative or the initial state must change, and shapes must hold."""
+    """Shift each argument alone: at some point a derivative, output or initial state must change, and shapes must hold."""
     model = make(name, **options)
     assert isinstance(model, Model)
     x, u = point(model)
@@ -75,9 +84,15 @@ def test_every_parameter_and_state_has_an_effect(name, options):
 
     assert set(derivative(model)(x, u, p)) == set(model.states) == set(initial_state(model)(p, u, y))
     assert set(model.output(x, u, p)) == set(model.outputs)
-    slopes = jax.jacfwd(lambda tree: jax.numpy.stack([jax.numpy.asarray(v) for v in everything(*tree)]))((x, u, p, y))
+    points = [(*point(model, seed), values(model, seed + 1), y) for seed in range(32)]
+    together = jax.tree.map(lambda *v: jax.numpy.stack(v), *points)
+    slopes = jax.jit(jax.vmap(jax.jacfwd(lambda tree: jax.numpy.stack([jax.numpy.asarray(v) for v in everything(*tree)]))))(together)
     delayed = {d.parameter for d in model.delays} | {d.input for d in model.delays}
     measured_unused = set(y) if options.get("initial") == "free" else set()
+    if name == "hammerstein_wiener":  # it starts at rest under the first input
+        measured_unused, delayed = set(y), delayed - {"u"}
+    if name == "steam_chamber" and options.get("initial") != "measured":
+        measured_unused = set(y)
     for group, allowed in zip(slopes, (set(), delayed, delayed, measured_unused), strict=True):
         for argument, slope in group.items():
             assert np.any(slope != 0) != (argument in allowed), argument

@@ -73,6 +73,18 @@ def test_a_column_without_information_keeps_the_spread_of_the_box():
     assert np.sqrt(cov[3, 3]) == pytest.approx(1.0 / np.sqrt(12.0), rel=1e-9)
 
 
+@pytest.mark.parametrize("together", [2, 9])
+def test_values_known_only_in_sum_keep_the_spread_of_the_box_each(together):
+    # y depends on the sum of several values: each may be anywhere in the box while the others make up for it
+    matrix, e = regression(3)
+    cov = covariance(np.c_[matrix, np.repeat(20.0 * np.sin(np.arange(len(e)))[:, None], together, axis=1)], e,
+                     [Block(slice(0, len(e)), np.arange(len(e)))], np.ones(3 + together, bool))  # fmt: skip
+    assert np.all(np.sqrt(np.diag(cov)[3:]) > 0.2)
+    assert np.all(np.diag(cov) <= (1.0 + 1e-12) / 12.0)
+    total = np.r_[np.zeros(3), np.ones(together)]
+    assert np.sqrt(total @ cov @ total) < 0.1  # the sum itself is known
+
+
 def test_coordinates_on_a_bound_have_no_variance():
     matrix, e = regression(3)
     block = [Block(slice(0, len(e)), np.arange(len(e)))]

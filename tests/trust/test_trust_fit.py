@@ -58,7 +58,7 @@ def test_findings_are_plain_json_and_complete():
     findings = answer().findings
     parsed = json.loads(json.dumps(findings))
     assert set(parsed) == {
-        "name", "verdict", "recordings", "scores", "residual_tests", "parameters", "combinations", "runs", "basins", "simulation",
+        "name", "verdict", "recordings", "scores", "residual_tests", "parameters", "tables", "combinations", "runs", "basins", "simulation",
         "reproduction",
     }  # fmt: skip
     assert not parsed["combinations"]

@@ -1,21 +1,25 @@
 """`plantfit check`: what was understood, and one simulation."""
 
+import dataclasses
 import time
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from plantfit.cli.out import out, print_json
+from plantfit.errors import SpecError
 
 
-def check(spec: str, verify: bool, json: bool) -> None:
-    """Read a study file, simulate at the middle of the box, optionally compare with a tight solver."""
+def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None) -> None:
+    """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
     from plantfit import spec as specs
     from plantfit.models import describe
     from plantfit.problem.steps import choose_substeps
+    from plantfit.problem.verification import point
 
     study = specs.load(spec)
     problem = choose_substeps(study.problem)
-    z = np.full(problem.space.dimension, 0.5)
+    z = point(problem, _named(at))
     cost = float(problem.costs(z[None, :])[0])
     started = time.perf_counter()
     np.asarray(problem.costs(z[None, :]))
@@ -43,7 +47,7 @@ def check(spec: str, verify: bool, json: bool) -> None:
         "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
     }
     if verify:
-        record["verify"] = _verify(problem, z)
+        record["verify"] = _verify(problem, z, tolerance)
     if json:
         return print_json(record)
     out.print(describe(problem.model), markup=False)
@@ -53,27 +57,40 @@ def check(spec: str, verify: bool, json: bool) -> None:
         )
         for line in r["log"]:
             out.print(f"    {line}", markup=False, style="dim")
-    out.print(f"free: {', '.join(record['parameters'])}", markup=False)
-    at = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
-    out.print(
-        f"at the middle of the bounds: {at}; {1e3 * seconds:.2g} ms an evaluation, {record['substeps']} step(s) a sample", markup=False
-    )
-    for name, e in record.get("verify", {}).items():
+    out.print(f"free: {_shortened(record['parameters'])}", markup=False)
+    rmse = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
+    place = f"at {', '.join(at)}" if at else "at the middle of the bounds"
+    out.print(f"{place}: {rmse}; {1e3 * seconds:.2g} ms an evaluation, {record['substeps']} step(s) a sample", markup=False)
+    for e in record.get("verify", []):
+        unit = problem.model.outputs[e["output"]] or ""
         out.print(
-            f"against the tight solver: {name} within {e['max_error']:.3g} (rms {e['rms_error']:.3g}) over {e['samples']} samples",
+            f"against the tight solver: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
+            f"over {e['samples']} samples, {e['substeps']} step(s) a sample",
             markup=False,
         )
+        if tolerance is not None and e["max_error"] >= tolerance:
+            out.print(f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help", style="yellow")
     out.print(f"ready: plantfit run {spec}", markup=False)
 
 
-def _verify(problem, z):
-    from plantfit.simulate.verify import against_radau
+def _named(at: Sequence[str]) -> dict[str, float]:
+    """name=value as a mapping."""
+    named = {}
+    for text in at:
+        name, _, value = text.partition("=")
+        try:
+            named[name.strip()] = float(value)
+        except ValueError:
+            raise SpecError(f"--at {text!r} cannot be read; write name=value, as in --at tau=3.5.") from None
+    return named
 
-    simulator = problem.predictor.stepping()
-    values = problem.space.physical(z)
-    name = next(iter(problem.data["drive"]))
-    error = against_radau(simulator, problem.space.tree(values, name), problem.data["drive"][name])
-    return {
-        o: {"max_error": error.max_error[o], "rms_error": error.rms_error[o], "samples": error.last - error.first + 1}
-        for o in problem.outputs
-    }
+
+def _shortened(names: Iterable[str], most: int = 12) -> str:
+    names = list(names)
+    return ", ".join(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+def _verify(problem, z, tolerance):
+    from plantfit.problem.verification import verify
+
+    return [dataclasses.asdict(v) for v in verify(problem, z, tolerance)]

@@ -59,13 +59,19 @@ def init(
 @app.command()
 def check(
     spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
-    verify: Annotated[bool, typer.Option("--verify", help="Also compare the simulation with a tight solver.")] = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Also compare the simulation of every recording with a tight solver.")] = False,
+    at: Annotated[
+        list[str] | None, typer.Option(help="Parameter values, as name=value (repeat); the others stay in the middle of their bounds.")
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="With --verify: halve the steps until the largest error is below this (unit of the output).")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
     from plantfit.cli import check as command
 
-    command.check(spec, verify, json)
+    command.check(spec, verify, json, at or [], tolerance)
 
 
 @app.command()

@@ -4,23 +4,48 @@ from plantfit.models.dc_motor import dc_motor
 from plantfit.models.describe import describe
 from plantfit.models.drive import drive, drive_regression
 from plantfit.models.equations import equations
+from plantfit.models.events import Backlash, Event, Friction, StateDelay
+from plantfit.models.friction import coulomb, lugre, stribeck, viscous
+from plantfit.models.hammerstein_wiener import hammerstein_wiener
 from plantfit.models.library import make, models
 from plantfit.models.model import Declared, Delay, Model
 from plantfit.models.process import first_order, second_order
 from plantfit.models.regression import LinearModel
+from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
+from plantfit.models.steam_chamber import steam_chamber
+from plantfit.models.tabled_process import tabled_first_order
+from plantfit.models.tables import Table, lookup, lookup2
 
 __all__ = [
+    "Backlash",
     "Declared",
     "Delay",
+    "Event",
+    "Friction",
     "LinearModel",
     "Model",
+    "StateDelay",
+    "Table",
+    "coulomb",
     "dc_motor",
     "describe",
     "drive",
     "drive_regression",
     "equations",
     "first_order",
+    "hammerstein_wiener",
+    "lookup",
+    "lookup2",
+    "lugre",
     "make",
     "models",
+    "quantize",
     "second_order",
+    "smooth_abs",
+    "smooth_deadzone",
+    "smooth_sat",
+    "steam_chamber",
+    "stribeck",
+    "tabled_first_order",
+    "viscous",
 ]

@@ -8,12 +8,16 @@ from dataclasses import dataclass, fields, replace
 from keyword import iskeyword
 from typing import Any
 
+import numpy as np
+
 from plantfit.errors import ModelError
 from plantfit.models.functions import CALLS, CONSTANTS
 from plantfit.models.model import Declared
 from plantfit.models.suggest import suggest
+from plantfit.models.table_text import read_table
+from plantfit.models.tables import Table
 
-RESERVED = frozenset({*CONSTANTS, *CALLS, "t", "delay"})
+RESERVED = frozenset({*CONSTANTS, *CALLS, "t", "delay"})  # play and friction are read as functions only where they are called
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _PARAMETER_KEYS = tuple(f.name for f in fields(Declared) if f.name != "name")
@@ -29,7 +33,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Declarations:
-    """Names of a model, by kind. `initial` holds a number or an expression for every state."""
+    """Names of a model, by kind. `initial` holds a number or an expression for every state, `parameters` those of tables too."""
 
     model: str
     inputs: Mapping[str, str | None]
@@ -38,31 +42,38 @@ class Declarations:
     outputs: Mapping[str, str | None]
     parameters: Mapping[str, Declared]
     constants: Mapping[str, Constant]
+    tables: Mapping[str, Table]
 
     def names(self) -> set[str]:
         return {*self.inputs, *self.states, *self.outputs, *self.parameters, *self.constants}
 
 
-def declare(model: str, inputs: Any, states: Any, outputs: Any, parameters: Any, constants: Any) -> Declarations:
+def declare(model: str, inputs: Any, states: Any, outputs: Any, parameters: Any, constants: Any, tables: Any = None) -> Declarations:
     """Check and unify declarations. Raises ModelError that names the entry."""
     where = f"Model {model!r}"
-    tables = {
+    given = {
         "inputs": _table(where, "inputs", inputs),
         "states": _table(where, "states", states),
         "outputs": _table(where, "outputs", outputs),
         "parameters": _table(where, "parameters", parameters),
         "constants": _table(where, "constants", constants),
+        "tables": _table(where, "tables", tables),
     }
-    _check_names(where, tables)
-    split = {name: _state(where, name, value) for name, value in tables["states"].items()}
+    _check_names(where, given)
+    split = {name: _state(where, name, value) for name, value in given["states"].items()}
+    signals = {*given["inputs"], *given["states"], *given["outputs"], "t"}
+    read = {n: read_table(where, n, v, signals) for n, v in given["tables"].items()}
+    plain = {n: _parameter(where, n, v) for n, v in given["parameters"].items()}
     return Declarations(
         model,
-        {n: _unit(where, "input", n, v) for n, v in tables["inputs"].items()},
+        {n: _unit(where, "input", n, v) for n, v in given["inputs"].items()},
         {n: unit for n, (unit, _) in split.items()},
         {n: initial for n, (_, initial) in split.items()},
-        {n: _unit(where, "output", n, v) for n, v in tables["outputs"].items()},
-        {n: _parameter(where, n, v) for n, v in tables["parameters"].items()},
-        {n: _constant(where, n, v) for n, v in tables["constants"].items()},
+        {n: _unit(where, "output", n, v) for n, v in given["outputs"].items()},
+        {n: p if n in read else _single(where, p) for n, p in plain.items()}
+        | {n: _table_parameter(where, table, plain.get(n, Declared(n))) for n, table in read.items()},
+        {n: _constant(where, n, v) for n, v in given["constants"].items()},
+        read,
     )
 
 
@@ -90,7 +101,7 @@ def _check_names(where: str, tables: Mapping[str, Mapping[str, Any]]) -> None:
                 raise ModelError(f"{where}: the name {name!r} in {kind} has letters with a simpler form; write {plain!r}.")
             if name in RESERVED:
                 raise ModelError(f"{where}: {kind} have the name {name!r}, which equations use themselves; choose another name.")
-            if name in seen and {seen[name], kind} != {"states", "outputs"}:
+            if name in seen and {seen[name], kind} not in ({"states", "outputs"}, {"parameters", "tables"}):
                 raise ModelError(f"{where}: {name!r} is declared in {seen[name]} and in {kind}; give each its own name.")
             seen[name] = kind
 
@@ -133,14 +144,47 @@ def _checked(where: str, p: Declared) -> Declared:
     if p.scale not in ("linear", "log"):
         raise ModelError(f"{where}: {what} has scale {p.scale!r}; use 'linear' or 'log'.")
     if p.value is not None:
-        p = replace(p, value=_number(where, f"the value of {what}", p.value))
+        p = replace(p, value=_numbers(where, f"the value of {what}", p.value))
     if p.bounds is not None:
         if isinstance(p.bounds, str) or not isinstance(p.bounds, Iterable) or len(tuple(p.bounds)) != 2:
             raise ModelError(f"{where}: {what} has bounds {p.bounds!r}; write two numbers, (low, high).")
-        low, high = (_number(where, f"a bound of {what}", b) for b in p.bounds)
+        low, high = (_numbers(where, f"a bound of {what}", b) for b in p.bounds)
         p = replace(p, bounds=(low, high))
     _unit(where, "parameter", p.name, p.unit)
     return p
+
+
+def _table_parameter(where: str, table: Table, p: Declared) -> Declared:
+    """The values of a table: what `parameters` say about them, in the table's unit and shape."""
+    if p.unit is not None and table.unit is not None and p.unit != table.unit:
+        raise ModelError(f"{where}: table {p.name!r} is in {table.unit!r} but its parameter in {p.unit!r}; give one unit.")
+    for what, value in _given_numbers(p):
+        if _shape(value) not in ((), table.shape):
+            nodes = " x ".join(map(str, table.shape))
+            raise ModelError(f"{where}: table {p.name!r} has {nodes} nodes but {what} {value!r}; give one for each node, or one for all.")
+    over = " and ".join(table.over)
+    return replace(p, unit=table.unit or p.unit, shape=table.shape, sentence=p.sentence or f"table over {over}")
+
+
+def _single(where: str, p: Declared) -> Declared:
+    """A parameter that is no table, checked to be one number."""
+    arrays = [what for what, value in _given_numbers(p) if _shape(value) != ()]
+    if p.shape or arrays:
+        what = arrays[0] if arrays else f"the shape {p.shape}"
+        raise ModelError(f"{where}: parameter {p.name!r} has {what} of an array but is no table; declare it in tables or give one number.")
+    return p
+
+
+def _given_numbers(p: Declared) -> list[tuple[str, Any]]:
+    return [(what, value) for what, value in (("a value", p.value), *(("a bound", b) for b in p.bounds or ())) if value is not None]
+
+
+def _shape(numbers: Any) -> tuple[int, ...] | None:
+    """The shape of nested tuples, None for rows of different lengths."""
+    try:
+        return np.shape(numbers)
+    except ValueError:
+        return None
 
 
 def _constant(where: str, name: str, value: Any) -> Constant:
@@ -160,6 +204,13 @@ def _number(where: str, what: str, value: Any) -> float:
     if not math.isfinite(number):
         raise ModelError(f"{where}: {what} is {value!r}; write a finite number.")
     return number
+
+
+def _numbers(where: str, what: str, value: Any) -> Any:
+    """A finite number, or nested tuples of them."""
+    if isinstance(value, list | tuple | np.ndarray):
+        return tuple(_numbers(where, what, v) for v in value)
+    return _number(where, what, value)
 
 
 def _check_keys(where: str, kind: str, name: str, value: Mapping[str, Any], known: tuple[str, ...]) -> None:

@@ -1,10 +1,11 @@
-"""delay(input, time) in equations: each becomes a channel of the inputs."""
+"""delay(x, time) in equations, x an input or a state: each becomes a channel beside the inputs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 from plantfit.errors import EquationError
 from plantfit.models.declarations import Declarations
+from plantfit.models.events import StateDelay
 from plantfit.models.expression import Node
 from plantfit.models.model import Declared, Delay
 from plantfit.models.suggest import suggest
@@ -21,6 +22,7 @@ class DelayTable:
         self.declared = declared
         self.text = text
         self.delays: dict[str, Delay] = {}
+        self.state_delays: dict[str, StateDelay] = {}
         self.hidden: dict[str, Declared] = {}
         self.times: list[Node] = []  # names of parameters and constants, for the unit check
 
@@ -29,35 +31,46 @@ class DelayTable:
         if node.op != "delay":
             return replace(node, args=tuple(self.rewrite(a) for a in node.args)) if node.args else node
         delayed, time = node.args
-        if delayed.op != "name" or delayed.name not in self.declared.inputs:
-            hint = suggest(delayed.name, self.declared.inputs)
-            message = f"delay() takes the name of an input first; inputs are {list(self.declared.inputs)}.{hint}"
+        known = [*self.declared.inputs, *self.declared.states]
+        if delayed.op != "name" or delayed.name not in known:
+            message = f"delay() takes the name of an input or a state first; they are {known}.{suggest(delayed.name, known)}"
             raise EquationError(message, self.text, *delayed.start)
         parameter = self._parameter(delayed.name, time)
         channel = f"delay({delayed.name}, {parameter})"
-        self.delays[channel] = Delay(channel, delayed.name, parameter)
+        if delayed.name in self.declared.inputs:
+            self.delays[channel] = Delay(channel, delayed.name, parameter)
+        else:
+            self.state_delays[channel] = StateDelay(channel, delayed.name, parameter)
         return Node("name", node.place, node.start, name=channel)
 
+    @property
+    def channels(self) -> set[str]:
+        """Names of all channels."""
+        return {*self.delays, *self.state_delays}
+
     def channel_units(self) -> Mapping[str, str | None]:
-        """Units of the channels, those of their inputs."""
-        return {d.channel: self.declared.inputs[d.input] for d in self.delays.values()}
+        """Units of the channels, those of their inputs and states."""
+        inputs = {d.channel: self.declared.inputs[d.input] for d in self.delays.values()}
+        return inputs | {d.channel: self.declared.states[d.state] for d in self.state_delays.values()}
 
     def _parameter(self, delayed: str, time: Node) -> str:
         if time.op == "number":
             return self._fixed(delayed, time.number, time)
-        if time.op == "name" and time.name in self.declared.parameters:
+        if time.op == "name" and time.name in self.declared.parameters and time.name not in self.declared.tables:
             self.times.append(time)
             return time.name
         if time.op == "name" and time.name in self.declared.constants:
             self.times.append(time)
             return self._fixed(delayed, self.declared.constants[time.name].value, time)
-        known = [*self.declared.parameters, *self.declared.constants]
+        known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
         message = f"delay() takes a parameter, a constant or a number of seconds second; known are {known}.{suggest(time.name, known)}"
         raise EquationError(message, self.text, *time.start)
 
     def _fixed(self, delayed: str, seconds: float, time: Node) -> str:
         if seconds < 0:
             raise EquationError(f"A delay of {seconds:g} s looks into the future; write a time of 0 s or more.", self.text, *time.start)
+        if seconds == 0 and delayed in self.declared.states:
+            raise EquationError(f"A state 0 s ago is the state itself; write {delayed}.", self.text, *time.start)
         taken = self.declared.names()
         k = 1
         while True:

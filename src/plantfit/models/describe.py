@@ -1,5 +1,7 @@
 """A model as a table of plain text."""
 
+import numpy as np
+
 from plantfit.models.model import Declared, Model
 from plantfit.models.regression import LinearModel
 
@@ -24,6 +26,10 @@ def _rows(model: Model | LinearModel) -> list[Row]:
         rows += [(kind, name, _unit(unit), "", "") for name, unit in names.items()]
     if isinstance(model, Model):
         rows += [("delay", d.channel, _unit(model.inputs[d.input]), "", f"{d.input} delayed by {d.parameter}") for d in model.delays]
+        rows += [("delay", d.channel, _unit(model.states[d.state]), "", f"{d.state} delayed by {d.parameter}") for d in model.state_delays]
+        rows += [("event", e.name, "", "", f"states jump ({e.direction})") for e in model.events]
+        rows += [("friction", f.velocity, "", "", "dry friction that sticks") for f in model.frictions]
+        rows += [("backlash", b.state, "", "", "follows with play") for b in model.backlashes]
     rows += [("parameter", p.name, _unit(p.unit), _range(p), p.sentence) for p in model.parameters]
     return rows
 
@@ -33,8 +39,13 @@ def _unit(unit: str | None) -> str:
 
 
 def _range(p: Declared) -> str:
+    entries = f"{' x '.join(map(str, p.shape))} values, " if p.shape else ""
     if p.value is not None:
-        return f"= {p.value:g}"
+        return f"{entries}= {_span(np.min(p.value), np.max(p.value))}"
     if p.bounds is None:
-        return "to be given"
-    return f"{p.bounds[0]:g} to {p.bounds[1]:g}" + (" (log)" if p.scale == "log" else "")
+        return f"{entries}to be given"
+    return f"{entries}{np.min(p.bounds[0]):g} to {np.max(p.bounds[1]):g}" + (" (log)" if p.scale == "log" else "")
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -10,10 +10,13 @@ from plantfit.models.declarations import RESERVED, Declarations, declare
 from plantfit.models.delays import DelayTable
 from plantfit.models.evaluate import Evaluate, evaluator
 from plantfit.models.expression import Node
-from plantfit.models.functions import FUNCTIONS
+from plantfit.models.friction_text import FrictionTable
+from plantfit.models.functions import FUNCTIONS, SPECIAL
+from plantfit.models.hybrid_text import Hybrid
 from plantfit.models.model import Model, Named
 from plantfit.models.parse import Statement, parse, parse_expression
 from plantfit.models.suggest import suggest
+from plantfit.models.tables import Table
 from plantfit.models.unit_check import UnitChecker, unit_of
 
 # isort: split
@@ -30,6 +33,7 @@ def equations(
     outputs: Mapping[str, Any] | Sequence[str],
     parameters: Mapping[str, Any] | Sequence[Any] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    tables: Mapping[str, Any] | None = None,
     name: str = "user",
     check: bool = True,
     sentence: str = "",
@@ -43,12 +47,22 @@ def equations(
     `t` is the time in seconds; `^` and `**` are powers; `a if condition else b` is piecewise.
     An output with the name of a state needs no equation: it is that state.
 
+    `delay(x, tau)` is an input or a state of tau seconds ago. `when falling(h): v = -c*v, w = 0` sets states
+    as h passes zero from above (`rising` from below, `crossing` both ways); the right sides see the values
+    before. `friction(v, sliding, breakaway)` in the derivative of the state v is dry friction that sticks, to
+    be subtracted as in v' = (F - friction(v, Fc, Fs))/m; without a third argument it breaks away at the
+    sliding force. `z = play(x, gap)`, z a state, follows x with `gap` to each side.
+
     inputs, outputs: names to units (None: unknown), or a list of names.
     states: names to {"unit", "initial"}; `initial` is a number in the unit of the state (default
     0) or an expression of parameters, constants, inputs (first value) and outputs (first measured
     value).
     parameters: names to `Declared`, a unit, or {"unit", "bounds", "scale", "value", "sentence"}.
     constants: names to numbers (unit not checked) or quantities such as "9.81 m/s^2".
+    tables: names to `Table` or {"over", "nodes", "unit"}; `over` lists one or two declared signals,
+    `nodes` their operating points, as numbers or {"from", "to", "count"}. `k(y)` or `k(y, u)` is then
+    linear between the nodes and constant outside. Its values are a parameter with one entry for each
+    node, whose bounds or known value stand in `parameters`.
     check: compare units throughout; expressions with unknown units are left alone.
 
     Raises EquationError (with line and column) for anything wrong in the text, ModelError for
@@ -56,7 +70,7 @@ def equations(
     """
     if not isinstance(text, str):
         raise ModelError(f"Model {name!r}: the equations are {type(text).__name__}; write them as one text.")
-    return _Builder(text, declare(name, inputs, states, outputs, parameters, constants), check).model(sentence, source)
+    return _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check).model(sentence, source)
 
 
 class _Builder:
@@ -64,20 +78,35 @@ class _Builder:
         self.text = text
         self.declared = declared
         self.table = DelayTable(declared, text)
+        self.frictions = FrictionTable(declared, text)
+        self.hybrid = Hybrid(declared, text, self.frictions)
         self.derivatives: dict[str, Statement] = {}
-        self.values: dict[str, Statement] = {}  # outputs and intermediates
-        for statement in parse(text):
-            self._place(replace(statement, right=self.table.rewrite(statement.right)))
+        self.values: dict[str, Statement] = {}  # outputs, intermediates and friction forces
+        statements, events = parse(text, declared.tables)
+        for statement in statements:
+            self._place(self._rewritten(statement))
+        for event in events:
+            resets = tuple(map(self._rewritten, event.resets))
+            self.hybrid.add_event(replace(event, condition=self._resolved(event.condition), resets=resets))
+        self.values |= self.frictions.values()
         self.initial = {state: self._read_initial(state) for state in declared.states}
         self._check_complete()
         self._check_names()
         self.order = self._ordered()
+        self.hybrid.check(self.values, self.derivatives)
         self._check_used()
         self._check_units(check)
+
+    def _rewritten(self, statement: Statement) -> Statement:
+        return replace(statement, right=self._resolved(statement.right))
+
+    def _resolved(self, node: Node) -> Node:
+        return self.frictions.rewrite(self.table.rewrite(node))
 
     def model(self, sentence: str, source: str) -> Model:
         d = self.declared
         states = tuple(d.states)
+        events, frictions, backlashes = self.hybrid.declarations(self._function, self.values, self.derivatives)
         return Model(
             name=d.model,
             states=d.states,
@@ -88,6 +117,11 @@ class _Builder:
             derivative=self._function({s: self.derivatives[s].right for s in states}) if states else None,
             initial_state=self._initial_function() if states else None,
             delays=tuple(self.table.delays.values()),
+            state_delays=tuple(self.table.state_delays.values()),
+            events=events,
+            frictions=frictions,
+            backlashes=backlashes,
+            tables=tuple(d.tables.values()),
             sentence=sentence,
             source=source,
             text=self.text,
@@ -103,7 +137,11 @@ class _Builder:
             if target not in d.states:
                 raise self._fail(f"{target!r} is not a state; states are {list(d.states)}.{suggest(target, d.states)}", statement.place)
         elif target in d.states:
-            raise self._fail(f"{target!r} is a state; write {target}' = ... for its derivative.", statement.place)
+            if statement.right.op != "play":
+                raise self._fail(f"{target!r} is a state; write {target}' = ... for its derivative.", statement.place)
+            self.hybrid.plays[target] = statement
+            rest = Node("number", statement.place, statement.place)  # the play gives the value, not a rate
+            statement = replace(statement, derivative=True, right=rest)
         elif target in d.inputs or target in d.parameters or target in d.constants:
             kind = "an input" if target in d.inputs else "a parameter" if target in d.parameters else "a constant"
             raise self._fail(f"{target!r} is {kind} and cannot be given by an equation; choose another name.", statement.place)
@@ -121,12 +159,14 @@ class _Builder:
         d = self.declared
         known = {*d.parameters, *d.constants, *d.inputs, *d.outputs}
         try:
-            node = parse_expression(given)
+            node = parse_expression(given, d.tables)
         except EquationError as error:
             raise EquationError(f"Initial value of {state!r}: {error.reason}", given, error.line, error.column) from None
         for part in node.walk():
-            if part.op == "delay":
-                raise EquationError(f"Initial value of {state!r}: delay() has no meaning at the start; use the input.", given, *part.place)
+            if part.op in SPECIAL:
+                raise EquationError(f"Initial value of {state!r}: {part.op}() has no meaning at the start.", given, *part.place)
+            if part.op == "name" and part.name in d.tables:
+                raise EquationError(f"Initial value of {state!r}: {_bare(d.tables[part.name])}", given, *part.place)
             if part.op == "name" and part.name not in known:
                 message = f"Initial value of {state!r}: {_unknown(part.name, known)}"
                 raise EquationError(message, given, *part.place)
@@ -146,14 +186,21 @@ class _Builder:
 
     def _check_names(self) -> None:
         d = self.declared
-        known = {*d.names(), *self.values, *self.table.delays, TIME}
-        for statement in (*self.derivatives.values(), *self.values.values()):
-            for node in statement.right.walk():
+        hidden = {*self.table.channels, *self.frictions.terms}
+        known = {*d.names(), *self.values, *hidden, TIME}
+        for expression in self._expressions():
+            for node in expression.walk():
+                if node.op == "name" and node.name in d.tables:
+                    raise self._fail(_bare(d.tables[node.name]), node.place)
                 if node.op != "name" or node.name in known:
                     continue
                 if node.name in FUNCTIONS:
                     raise self._fail(f"{node.name!r} is a function; write {FUNCTIONS[node.name].usage}.", node.place)
-                raise self._fail(_unknown(node.name, known - set(self.table.delays)), node.place)
+                raise self._fail(_unknown(node.name, known - hidden), node.place)
+
+    def _expressions(self) -> list[Node]:
+        """Every expression but the initial values."""
+        return [*(s.right for s in (*self.derivatives.values(), *self.values.values())), *self.hybrid.expressions()]
 
     def _ordered(self) -> list[str]:
         """Values in an order in which each needs only those before it."""
@@ -181,8 +228,7 @@ class _Builder:
     def _check_used(self) -> None:
         d = self.declared
         used = {time.name for time in self.table.times} | {delay.input for delay in self.table.delays.values()}
-        for statement in (*self.derivatives.values(), *self.values.values()):
-            used |= statement.right.names()
+        used |= set().union(*(expression.names() for expression in self._expressions()))
         for node in self.initial.values():
             used |= node.names() if isinstance(node, Node) else set()
         for kind, names in (("input", d.inputs), ("parameter", d.parameters)):
@@ -202,7 +248,9 @@ class _Builder:
             return
         numbers = {n: c.value for n, c in d.constants.items()}
         second = unit_of("s", "time")
-        checker = UnitChecker({**named, **states, TIME: second}, numbers, self.text)
+        signals = {**named, **states, TIME: second}
+        axes = {n: tuple({**signals, **outputs}[s] for s in table.over) for n, table in d.tables.items()}
+        checker = UnitChecker(signals, numbers, self.text, axes)
         for time in self.table.times:
             checker.expect(time, second, "A delay")
         for value in self.order:
@@ -213,11 +261,12 @@ class _Builder:
         for state, statement in self.derivatives.items():
             unit = states[state]
             checker.expect(statement.right, None if unit is None else unit / second, f"The derivative of {state!r}")
+        self.hybrid.check_units(checker, states)
         for output in (o for o in outputs if o in states):
             UnitChecker({output: states[output]}, {}, output).expect(self._output_node(output), outputs[output], f"Output {output!r}")
         for state, node in self.initial.items():
             if isinstance(node, Node) and node.op != "number":
-                start = UnitChecker({**named, **outputs}, numbers, str(d.initial[state]))
+                start = UnitChecker({**named, **outputs}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
 
     def _output_node(self, output: str) -> Node:
@@ -226,29 +275,38 @@ class _Builder:
         return Node("name", (0, 0), (0, 0), name=output)
 
     def _needed(self, targets: Mapping[str, Node]) -> list[tuple[str, Evaluate]]:
-        """The values that targets need, in order."""
+        """The values that targets need, in order; friction forces are given from outside."""
         wanted = set().union(*(node.names() for node in targets.values()))
-        for value in reversed(self.order):
+        order = [value for value in self.order if value not in self.frictions.terms]
+        for value in reversed(order):
             if value in wanted:
                 wanted |= self.values[value].right.names()
-        return [(value, evaluator(self.values[value].right)) for value in self.order if value in wanted]
+        return [(value, evaluator(self.values[value].right)) for value in order if value in wanted]
 
-    def _function(self, targets: Mapping[str, Node]) -> Callable[[Named, Named, Named], Named]:
-        """A function (x, u, p) that gives every target."""
+    def _function(self, targets: Mapping[str, Node]) -> Callable[..., Named]:
+        """A function (x, u, p) that gives every target; friction forces are 0 but for those in its fourth argument."""
         d = self.declared
         needed = self._needed(targets)
         results = {name: evaluator(node) for name, node in targets.items()}
         read = set().union(*(n.names() for n in targets.values()), *(self.values[v].right.names() for v, _ in needed))
         from_state = tuple(sorted(read & set(d.states)))
-        from_input = tuple(sorted(read & {*d.inputs, *self.table.delays, TIME}))
+        from_input = tuple(sorted(read & {*d.inputs, *self.table.channels, TIME}))
+        free = dict.fromkeys(read & set(self.frictions.terms), 0.0)
         from_parameters = tuple(sorted(read & set(d.parameters)))
         constants = {n: d.constants[n].value for n in sorted(read & set(d.constants))}
 
-        def function(x: Named, u: Named, p: Named) -> Named:
-            values = _arrays(constants, constants) | _arrays(p, from_parameters) | _arrays(u, from_input) | _arrays(x, from_state)
+        def function(x: Named, u: Named, p: Named, forces: Named | None = None) -> Named:
+            values = (
+                free
+                | dict(forces or {})
+                | _arrays(constants, constants)
+                | _arrays(p, from_parameters)
+                | _arrays(u, from_input)
+                | _arrays(x, from_state)
+            )
             for name, evaluate in needed:
                 values[name] = evaluate(values)
-            return _one_shape({name: evaluate(values) for name, evaluate in results.items()}, x, u, p)
+            return _one_shape({name: evaluate(values) for name, evaluate in results.items()}, x, u, _without(p, d.tables))
 
         return function
 
@@ -262,7 +320,7 @@ class _Builder:
             values = _arrays(constants, constants)
             for source, names in ((p, d.parameters), (u0, d.inputs), (y0, d.outputs)):
                 values |= _arrays(source, [n for n in names if n in read])
-            return _one_shape({s: evaluate(values) for s, evaluate in given.items()}, p, u0, y0)
+            return _one_shape({s: evaluate(values) for s, evaluate in given.items()}, _without(p, d.tables), u0, y0)
 
         return initial_state
 
@@ -272,10 +330,18 @@ def _arrays(source: Named, names: Iterable[str]) -> dict[str, Any]:
     return {n: jnp.asarray(source[n], dtype=float) for n in names}
 
 
+def _without(p: Named, tables: Iterable[str]) -> Named:
+    return {n: v for n, v in p.items() if n not in tables}
+
+
 def _one_shape(results: Named, *given: Named) -> Named:
     """Results as float64 of the shape that all given values share, so that constants broadcast too."""
     shape = jnp.broadcast_shapes(*(jnp.shape(v) for values in given for v in values.values()))
     return {name: jnp.broadcast_to(jnp.asarray(value, dtype=float), shape) for name, value in results.items()}
+
+
+def _bare(table: Table) -> str:
+    return f"{table.name!r} is a table; write {table.name}({', '.join(table.over)})."
 
 
 def _unknown(name: str, known: set[str]) -> str:

@@ -29,6 +29,8 @@ def evaluator(node: Node, *, in_branch: bool = False) -> Evaluate:
         return power
     below_branch = in_branch or node.op == "where"
     args = tuple(evaluator(a, in_branch=below_branch) for a in node.args)
+    if node.table is not None:
+        return lambda values, table=node.table: table(values[table.name], *[a(values) for a in args])
     function = FUNCTIONS[node.op]
     apply = (function.guarded if in_branch else None) or function.evaluate
     return lambda values: apply(*[a(values) for a in args])

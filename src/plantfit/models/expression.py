@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plantfit.models.scan import Place
+from plantfit.models.tables import Table
 
 
 @dataclass(frozen=True)
 class Node:
-    """`op` is "number" (with `number`), "name" (with `name`) or a key of `functions.FUNCTIONS`.
+    """`op` is "number" (with `number`), "name" (with `name`), "table" (with `name` and `table`) or a key of `functions.FUNCTIONS`.
 
     `place` is the (line, column) of the operator, function name, number or name, `start` that of
     the first character of the whole expression.
@@ -20,6 +21,7 @@ class Node:
     args: tuple["Node", ...] = ()
     number: float = 0.0
     name: str = ""
+    table: Table | None = None
 
     def walk(self) -> Iterator["Node"]:
         """This node and all below it, from left to right."""
@@ -30,5 +32,5 @@ class Node:
             waiting.extend(reversed(node.args))
 
     def names(self) -> set[str]:
-        """Names of signals and parameters that the expression reads."""
-        return {n.name for n in self.walk() if n.op == "name"}
+        """Names of signals and parameters that the expression reads; tables are parameters."""
+        return {n.name for n in self.walk() if n.op in ("name", "table")}

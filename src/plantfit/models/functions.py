@@ -10,12 +10,14 @@ from functools import reduce
 from typing import Any, Literal
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
+from plantfit.models.friction import coulomb, stribeck
+from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
 
 # isort: split
 import jax
 import jax.numpy as jnp
 
-Rule = Literal["same", "ratio", "plain", "angle", "times", "over", "power", "root", "choose", "logic"]
+Rule = Literal["same", "ratio", "plain", "angle", "times", "over", "power", "root", "choose", "logic", "law"]
 
 CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 MANY = 64
@@ -25,7 +27,8 @@ MANY = 64
 class Function:
     """`least` to `most` arguments; `rule` says what units they take and give (see unit_check).
 
-    `guarded` replaces `evaluate` inside the branches of a piecewise expression.
+    `guarded` replaces `evaluate` inside the branches of a piecewise expression. `like_result` are the
+    places of arguments of a "law" that share the unit of the result; the others share another.
     """
 
     evaluate: Callable[..., Any]
@@ -34,6 +37,7 @@ class Function:
     rule: Rule
     usage: str = ""
     guarded: Callable[..., Any] | None = None
+    like_result: tuple[int, ...] = ()
 
 
 def _guard(inside: Any, function: Callable[[Any], Any], safe: float, outside: Any) -> Any:
@@ -127,6 +131,12 @@ CALLS: dict[str, Function] = {
     "ceil": Function(jnp.ceil, 1, 1, "same", "ceil(x)"),
     "where": Function(lambda c, a, b: jnp.where(_condition(c), a, b), 3, 3, "choose", "where(condition, a, b)"),
     "smooth_sign": Function(lambda x, width: jnp.tanh(x / width), 2, 2, "ratio", "smooth_sign(x, width)"),
+    "smooth_abs": Function(smooth_abs, 2, 2, "same", "smooth_abs(x, width)"),
+    "smooth_sat": Function(smooth_sat, 4, 4, "same", "smooth_sat(x, low, high, width)"),
+    "smooth_deadzone": Function(smooth_deadzone, 4, 4, "same", "smooth_deadzone(x, low, high, width)"),
+    "quantize": Function(quantize, 2, 2, "same", "quantize(x, step)"),
+    "coulomb": Function(coulomb, 3, 3, "law", "coulomb(v, Fc, width)", like_result=(1,)),
+    "stribeck": Function(stribeck, 5, 5, "law", "stribeck(v, Fc, Fs, vs, width)", like_result=(1, 2)),
     "relu": Function(lambda x: jnp.maximum(x, 0.0), 1, 1, "same", "relu(x)"),
     "pos": Function(lambda x: jnp.maximum(x, 0.0), 1, 1, "same", "pos(x)"),
     "sat": Function(_clip, 3, 3, "same", "sat(x, low, high)"),
@@ -134,7 +144,11 @@ CALLS: dict[str, Function] = {
     "step": Function(lambda x: jnp.where(x >= 0, 1.0, 0.0), 1, 1, "ratio", "step(x)"),
 }
 
-# delay is resolved to a channel of the inputs before anything is evaluated
-DELAY = Function(lambda u, _: u, 2, 2, "same", "delay(input, time)")
+# resolved to channels, forces and backlashes before anything is evaluated
+SPECIAL: dict[str, Function] = {
+    "delay": Function(lambda u, _: u, 2, 2, "same", "delay(x, time)"),
+    "play": Function(lambda x, _: x, 2, 2, "same", "z = play(x, gap)"),
+    "friction": Function(lambda v, sliding, breakaway=None: sliding, 2, 3, "law", "friction(v, sliding, breakaway)", like_result=(1, 2)),
+}
 
-FUNCTIONS: dict[str, Function] = {**OPERATORS, **CALLS, "delay": DELAY}
+FUNCTIONS: dict[str, Function] = {**OPERATORS, **CALLS, **SPECIAL}

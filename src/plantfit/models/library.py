@@ -17,7 +17,10 @@ _PLACES = {
     "drive": "plantfit.models.drive",
     "drive_regression": "plantfit.models.drive",
     "first_order": "plantfit.models.process",
+    "hammerstein_wiener": "plantfit.models.hammerstein_wiener",
     "second_order": "plantfit.models.process",
+    "steam_chamber": "plantfit.models.steam_chamber",
+    "tabled_first_order": "plantfit.models.tabled_process",
 }
 
 

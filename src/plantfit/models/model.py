@@ -5,8 +5,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from plantfit.errors import ModelError
+from plantfit.models.check_model import check_declared
+from plantfit.models.events import Backlash, Event, Friction, StateDelay
+from plantfit.models.tables import Table
 
 Named = Mapping[str, Any]
+Numbers = Any  # a number, or nested tuples of numbers in the shape of the parameter
 
 
 @dataclass(frozen=True)
@@ -14,15 +18,17 @@ class Declared:
     """A parameter as the model knows it: a default that the study may override.
 
     `bounds` are in `unit`; None means that the study must give them. `value` is set for constants
-    that the data are not asked about.
+    that the data are not asked about. With a `shape`, (n,) or (ny, nu), it is an array (the values of
+    a table); each bound and `value` is then one number for all entries or nested tuples of that shape.
     """
 
     name: str
     unit: str | None = None
-    bounds: tuple[float, float] | None = None
+    bounds: tuple[Numbers, Numbers] | None = None
     scale: Literal["linear", "log"] = "linear"
-    value: float | None = None
+    value: Numbers | None = None
     sentence: str = ""
+    shape: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,9 +46,14 @@ class Model:
 
     `derivative(x, u, p)` gives d/dt of every state, `output(x, u, p)` every output and
     `initial_state(p, u0, y0)` every state at the first sample; all take and give mappings from
-    names to jax scalars (or arrays of one common shape) and must be pure and differentiable.
-    `u` holds the inputs, the channels of `delays`, and time in seconds as "t". A model without
-    states has `derivative=None` and is a static function.
+    names to jax scalars (or arrays of one common shape) and must be pure and differentiable. A
+    parameter with a shape arrives as an array of that shape.
+    `u` holds the inputs, the channels of `delays` and of `state_delays`, and time in seconds as "t".
+    A model without states has `derivative=None` and is a static function.
+
+    `events`, `frictions` and `backlashes` are what happens beside the derivative, which leaves the
+    forces of `frictions` out and gives 0 for the states of `backlashes`. `tables` say over which
+    operating points the parameters with a shape are.
 
     Units are strings for `plantfit.units`; None means unknown and is not checked.
     """
@@ -56,6 +67,11 @@ class Model:
     derivative: Callable[[Named, Named, Named], Named] | None = None
     initial_state: Callable[[Named, Named, Named], Named] | None = None
     delays: tuple[Delay, ...] = ()
+    state_delays: tuple[StateDelay, ...] = ()
+    events: tuple[Event, ...] = ()
+    frictions: tuple[Friction, ...] = ()
+    backlashes: tuple[Backlash, ...] = ()
+    tables: tuple[Table, ...] = ()
     sentence: str = ""
     source: str = ""
     text: str | None = field(default=None, compare=False)
@@ -67,12 +83,7 @@ class Model:
             raise ModelError(f"Model {self.name!r}: the name {twice[0]!r} is declared twice; give each signal and parameter its own name.")
         if self.states and self.derivative is None:
             raise ModelError(f"Model {self.name!r} has states but no derivative; give derivative(x, u, p).")
-        known = {p.name for p in self.parameters}
-        for delay in self.delays:
-            if delay.input not in self.inputs:
-                raise ModelError(f"Model {self.name!r} delays {delay.input!r}, which is not one of its inputs {list(self.inputs)}.")
-            if delay.parameter not in known:
-                raise ModelError(f"Model {self.name!r} delays by {delay.parameter!r}, which is not one of its parameters {sorted(known)}.")
+        check_declared(self)
 
     def declared(self, name: str) -> Declared:
         """The declaration of one parameter."""

@@ -4,17 +4,21 @@ import ast
 import math
 import operator
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from plantfit.errors import EquationError
 from plantfit.models.expression import Node
-from plantfit.models.functions import CALLS, CONSTANTS, DELAY, FUNCTIONS
-from plantfit.models.scan import Place, Source, refuse_quotes, scan, split
+from plantfit.models.functions import CALLS, CONSTANTS, FUNCTIONS, SPECIAL
+from plantfit.models.scan import Place, RawStatement, Source, refuse_quotes, scan, split
 from plantfit.models.suggest import suggest
+from plantfit.models.tables import Table
+from plantfit.models.when_text import CROSSINGS, is_when, split_when
 
 MAX_DEPTH = 150
+Tables = Mapping[str, Table]
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _REFUSED_BINARY = {
@@ -49,29 +53,53 @@ class Statement:
     right: Node
 
 
-def parse(text: str) -> list[Statement]:
-    """Read equations, one a line or separated by ';'. Raises EquationError with line and column."""
-    statements = []
+@dataclass(frozen=True)
+class When:
+    """`when kind(condition): resets`; `place` is that of the kind, `words` the condition as it was written."""
+
+    kind: str
+    place: Place
+    words: str
+    condition: Node
+    resets: tuple[Statement, ...]
+
+
+def parse(text: str, tables: Tables) -> tuple[list[Statement], list[When]]:
+    """Read equations and events, one a line or separated by ';', that may call `tables`.
+
+    Raises EquationError with line and column.
+    """
+    statements, events = [], []
     for source in scan(text):
-        raw = split(source, text)
-        statements.append(Statement(raw.target, raw.derivative, raw.place, _Reader(raw.right, text).read()))
-    return statements
+        if is_when(source):
+            raw = split_when(source, text)
+            condition = _Reader(raw.condition, text, tables).read()
+            resets = tuple(_statement(reset, text, tables) for reset in raw.resets)
+            events.append(When(raw.kind, raw.place, raw.condition.text, condition, resets))
+        else:
+            statements.append(_statement(split(source, text), text, tables))
+    return statements, events
 
 
-def parse_expression(text: str) -> Node:
+def _statement(raw: RawStatement, text: str, tables: Tables) -> Statement:
+    return Statement(raw.target, raw.derivative, raw.place, _Reader(raw.right, text, tables).read())
+
+
+def parse_expression(text: str, tables: Tables) -> Node:
     """Read one expression, as in the initial value of a state. Raises EquationError with line and column."""
     sources = scan(text)
     if len(sources) != 1:
         raise EquationError(f"Here must stand one expression, but there are {len(sources)} in {text!r}.", text)
     refuse_quotes(sources[0], text)
-    return _Reader(sources[0], text).read()
+    return _Reader(sources[0], text, tables).read()
 
 
 class _Reader:
     """One expression: its characters as Python reads them (^ as **), and their places."""
 
-    def __init__(self, source: Source, text: str):
+    def __init__(self, source: Source, text: str, tables: Tables):
         self.text = text
+        self.tables = tables
         self.source = _with_python_power(source)
         self.line = self.source.text
         # ast counts columns in bytes of UTF-8
@@ -225,16 +253,29 @@ class _Reader:
                 raise self._refuse(node.func)
             raise self._fail("Only a function's name can stand before these parentheses; write * to multiply.", place)
         name = node.func.id
-        known = {*CALLS, "delay"}
+        if name in self.tables:
+            return self._table(node, self.tables[name], place)
+        known = {*CALLS, *self.tables, *SPECIAL}
+        if name in CROSSINGS:
+            raise self._fail(f"{name}() stands only after 'when'; write when {name}(x): v = -c*v.", place)
         if name not in known:
-            raise self._fail(f"The function {name!r} is not known.{suggest(name, known)} Known are {', '.join(sorted(known))}.", place)
+            hint = f"{suggest(name, known)} Known are {', '.join(sorted(known))}; a table must be declared."
+            raise self._fail(f"The function {name!r} is not known.{hint}", place)
         if node.keywords:
             raise self._fail(f"Arguments have no names here; write {FUNCTIONS[name].usage}.", place)
         self._check_count(name, len(node.args), place)
         return Node(name, place, place, tuple(self._node(a) for a in node.args))
 
+    def _table(self, node: ast.Call, table: Table, place: Place) -> Node:
+        usage = f"{table.name}({', '.join(table.over)})"
+        if node.keywords:
+            raise self._fail(f"Arguments have no names here; write {usage}.", place)
+        if len(node.args) != len(table.over):
+            raise self._fail(f"The table {table.name!r} takes {len(table.over)} arguments, not {len(node.args)}; write {usage}.", place)
+        return Node("table", place, place, tuple(self._node(a) for a in node.args), name=table.name, table=table)
+
     def _check_count(self, name: str, count: int, place: Place) -> None:
-        function = DELAY if name == "delay" else FUNCTIONS[name]
+        function = FUNCTIONS[name]
         if not function.least <= count <= function.most:
             expected = f"{function.least}" if function.least == function.most else f"{function.least} to {function.most}"
             usage = f"; write {function.usage}" if function.usage else "; split the expression"

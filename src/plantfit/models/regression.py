@@ -35,6 +35,9 @@ class LinearModel:
         names = [p.name for p in self.parameters]
         if not names or len(set(names)) < len(names):
             raise ModelError(f"Model {self.name!r} needs parameters with different names, not {names}.")
+        arrays = [p.name for p in self.parameters if p.shape]
+        if arrays:
+            raise ModelError(f"Model {self.name!r}: parameter {arrays[0]!r} is an array; give a regression one number for each column.")
 
     def columns(self, signals: Mapping[str, Any]) -> np.ndarray:
         """The regressor (n, k) of signals, each (n,). Raises ModelError for a missing signal or a wrong shape."""

@@ -54,13 +54,17 @@ def shown(unit: Unit) -> str:
 class UnitChecker:
     """Infers units of expressions from the units of names; raises EquationError at the place of a misfit.
 
-    `numbers` are the values of named constants, for exponents.
+    `numbers` are the values of named constants, for exponents; `axes` the units that the arguments
+    of each table must have.
     """
 
-    def __init__(self, named: Mapping[str, Unit], numbers: Mapping[str, float], text: str):
+    def __init__(
+        self, named: Mapping[str, Unit], numbers: Mapping[str, float], text: str, axes: Mapping[str, tuple[Unit, ...]] | None = None
+    ):
         self.named = dict(named)
         self.numbers = numbers
         self.text = text
+        self.axes = axes or {}
         self._rules: dict[str, Callable[[Node, list[Unit]], Unit]] = {
             "same": self._same,
             "ratio": self._ratio,
@@ -72,6 +76,7 @@ class UnitChecker:
             "root": lambda node, given: _raised(given[0], 0.5),
             "choose": lambda node, given: self._common(node, node.args[1:], given[1:]),
             "logic": lambda node, given: self._plain_unit(),
+            "law": self._law,
         }
 
     def unit(self, node: Node) -> Unit:
@@ -79,6 +84,10 @@ class UnitChecker:
         if node.op == "number":
             return ZERO if node.number == 0 else self._plain_unit()
         if node.op == "name":
+            return self.named.get(node.name)
+        if node.table is not None:
+            for arg, signal, wanted in zip(node.args, node.table.over, self.axes[node.name], strict=True):
+                self.expect(arg, wanted, f"The table {node.name!r} over {signal!r}: its argument")
             return self.named.get(node.name)
         return self._rules[FUNCTIONS[node.op].rule](node, [self.unit(a) for a in node.args])
 
@@ -123,6 +132,12 @@ class UnitChecker:
     def _ratio(self, node: Node, given: list[Unit]) -> Unit:
         self._common(node, node.args, given)
         return self._plain_unit()
+
+    def _law(self, node: Node, given: list[Unit]) -> Unit:
+        """Some arguments share the unit of the result, the others share one of their own."""
+        own = FUNCTIONS[node.op].like_result
+        groups = [[k for k in range(len(given)) if (k in own) == inside] for inside in (False, True)]
+        return [self._common(node, tuple(node.args[k] for k in group), [given[k] for k in group]) for group in groups][1]
 
     def _plain_arguments(self, node: Node, given: list[Unit]) -> Unit:
         for arg, unit in zip(node.args, given, strict=True):

@@ -12,6 +12,7 @@ from plantfit.optimize.cmaes import CmaEs
 from plantfit.optimize.contract import Host, Needs, Objective, Population
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.local import Found, Loss, lbfgsb, trust_region
+from plantfit.optimize.separable import separable_least_squares
 from plantfit.optimize.settings import integer, number
 from plantfit.optimize.starts import far_apart, generator, sobol
 
@@ -35,6 +36,9 @@ class Auto:
 
     def choose(self, objective: Objective) -> tuple[Population | Host, str]:
         """The method for what the objective offers, and a sentence that says why."""
+        if objective.separable is not None:
+            why = "Least squares in which every recording searches on its own, because no two recordings share a free parameter."
+            return self, why
         if objective.residuals_and_jacobian is not None:
             return self, "Least squares from many starts, because the problem gives residuals with exact derivatives."
         if objective.value_and_gradient is not None:
@@ -48,6 +52,10 @@ class Auto:
         finite = costs[np.isfinite(costs)]
         # a cost this far below the ordinary one is a perfect fit up to rounding
         basins.floor = 1e-14 * abs(float(np.median(finite))) if len(finite) else basins.floor
+        if objective.separable is not None:
+            start, _ = next(self._starts(objective, counter, points, costs, rng))
+            separable_least_squares(counter, start, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+            return Status.converged if counter.extra["basin_hits"] >= self.agree else Status.budget
         for start, independent in self._starts(objective, counter, points, costs, rng):
             basins.add(self._search(objective, counter, start), independent)
             if basins.hits >= self.agree and basins.searches >= self.searches:

@@ -85,7 +85,11 @@ class Objective:
 
     `costs` maps (n, d) to (n,), is jax-traceable and pure; a candidate that cannot be simulated
     costs +inf. `value_and_gradient` maps (d,) to (float, (d,)); `residuals_and_jacobian` maps (d,)
-    to ((m,), (m, d)) with cost = mean(residuals**2). Charges are in evaluations, measured.
+    to ((m,), (m, d)) with cost = mean(residuals**2); `compressed` likewise in few rows with the same
+    mean square, gradient and Gauss-Newton matrix, for plain least squares. `separable` are groups of
+    coordinates that partition the cube so that the cost is a sum over groups; `blocks` then gives for
+    each group its residuals (k,), with cost = sum of their squares, and their derivatives (k, q) by the
+    group's coordinates. Charges are in evaluations.
     `start` (k, d) are warm starts, possibly empty. `batch_residuals_and_jacobian` maps (n, d) to
     ((n, m), (n, m, d)) for methods that run many starts side by side.
     """
@@ -94,6 +98,9 @@ class Objective:
     costs: Callable[[Array], Array]
     value_and_gradient: Callable[[np.ndarray], tuple[float, np.ndarray]] | None = None
     residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    compressed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    separable: tuple[np.ndarray, ...] | None = None
+    blocks: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
     gradient_charge: float = 3.0
     jacobian_charge: float = 5.0
     start: np.ndarray | None = None

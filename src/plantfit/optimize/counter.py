@@ -91,12 +91,16 @@ class Counter:
         self._after()
         return value, gradient
 
-    def residuals_and_jacobian(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (m,) and Jacobian (m, d); a failed point has NaN residuals."""
-        if self.objective.residuals_and_jacobian is None:
+    def residuals_and_jacobian(self, x: np.ndarray, *, compressed: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (m,) and Jacobian (m, d); a failed point has NaN residuals.
+
+        `compressed` takes the few rows that are as good for plain least squares, where the objective has them.
+        """
+        whole, few = self.objective.residuals_and_jacobian, self.objective.compressed
+        if whole is None:
             raise SearchError("The method needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'pso'.")
         self._charge(self.objective.jacobian_charge)
-        r, jacobian = (np.array(a, dtype=float) for a in self.objective.residuals_and_jacobian(x))
+        r, jacobian = (np.array(a, dtype=float) for a in (few if compressed and few is not None else whole)(x))
         # residuals whose squares overflow cannot be compared either
         if not (np.all(np.abs(r) < 1e150) and np.all(np.isfinite(jacobian))):
             r, jacobian = np.full(r.shape, np.nan), np.zeros(jacobian.shape)
@@ -104,6 +108,16 @@ class Counter:
         self._record(x, cost, cost if self.rank is None else self.rank(r), self.spent)
         self._after()
         return r, jacobian
+
+    def blocks(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Residuals and derivatives of every separable group; a failed group has residuals that are not finite."""
+        assert self.objective.blocks is not None
+        self._charge(self.objective.jacobian_charge)
+        found = self.objective.blocks(x)
+        cost = float(sum(r @ r for r, _ in found))
+        self._record(x, cost, cost, self.spent)
+        self._after()
+        return found
 
     def _charge(self, price: float) -> None:
         if self._stop is not None and self._stop():

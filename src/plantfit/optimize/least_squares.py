@@ -8,6 +8,7 @@ from plantfit.optimize.basins import Basins
 from plantfit.optimize.contract import Needs, Objective
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.local import Loss, trust_region
+from plantfit.optimize.separable import separable_least_squares
 from plantfit.optimize.settings import choice, integer, number
 from plantfit.optimize.starts import generator, warm_then_uniform
 
@@ -36,6 +37,9 @@ class LeastSquares:
             counter.rank = loss.rank
         basins = Basins(counter.extra)
         for start in warm_then_uniform(objective.start, objective.dimension, generator(key)):
+            if objective.separable is not None and self.loss == "linear":
+                separable_least_squares(counter, start, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+                return Status.converged if counter.extra["basin_hits"] >= self.agree else Status.budget
             found = trust_region(counter, start, loss, self.max_steps)
             basins.add(found)
             if basins.hits >= self.agree:

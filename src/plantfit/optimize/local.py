@@ -46,8 +46,8 @@ class _Residuals:
     scipy asks for residuals and Jacobian apart; both come from one call here.
     """
 
-    def __init__(self, counter: Counter, base: np.ndarray, free: np.ndarray):
-        self.counter, self.base, self.free = counter, base, free
+    def __init__(self, counter: Counter, base: np.ndarray, free: np.ndarray, compressed: bool):
+        self.counter, self.base, self.free, self.compressed = counter, base, free, compressed
         self.known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def full(self, z: np.ndarray) -> np.ndarray:
@@ -61,7 +61,7 @@ class _Residuals:
         if name not in self.known:
             if len(self.known) >= 4:
                 del self.known[next(iter(self.known))]
-            r, jacobian = self.counter.residuals_and_jacobian(self.full(z))
+            r, jacobian = self.counter.residuals_and_jacobian(self.full(z), compressed=self.compressed)
             self.known[name] = r, jacobian[:, self.free]
         return self.known[name]
 
@@ -78,7 +78,7 @@ def trust_region(counter: Counter, start: np.ndarray, loss: Loss, max_steps: int
 
 def _solve(counter: Counter, x: np.ndarray, free: np.ndarray, loss: Loss, max_steps: int) -> tuple[Found, np.ndarray]:
     """Search over the free coordinates from x; the answer and the gradient over the free coordinates."""
-    residuals = _Residuals(counter, x, free)
+    residuals = _Residuals(counter, x, free, compressed=loss.name == "linear")
     # scipy moves a start on a bound inside by this much; evaluate the point that it will take
     inside = np.clip(x[free], 1e-10, 1 - 1e-10)
     first, _ = residuals.at(inside)

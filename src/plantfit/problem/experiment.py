@@ -17,6 +17,8 @@ class Experiment:
     `fit` and `validate` are intervals (start, stop) in seconds of its time axis, None: nothing.
     `skip` seconds at the start of each part are simulated but not scored (unknown history).
     `before` gives inputs ahead of the first sample; by default they had their first value.
+    `steady` means that every sample is a plant at rest (a static curve, a table of operating points): its
+    outputs are compared with the model at rest under its inputs, and time and order mean nothing.
     """
 
     recording: Recording
@@ -24,6 +26,7 @@ class Experiment:
     validate: tuple[float, float] | None = None
     skip: float = 0.0
     before: Mapping[str, float] = field(default_factory=dict)
+    steady: bool = False
 
     def mask(self, part: str) -> np.ndarray:
         """Samples (n,) bool of part "fit" or "validation"."""

@@ -5,6 +5,8 @@ import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from plantfit import units
 from plantfit.errors import SpaceError, UnitError
 from plantfit.models.model import Declared
@@ -13,7 +15,7 @@ from plantfit.space import Parameter, Space
 
 def space_of(declared: Sequence[Declared], changes: Mapping[str, Any] | None, recordings: Sequence[str]) -> Space:
     """A space in the model's units; `changes` map names to `Parameter`, (low, high) or a number to hold."""
-    merged = {d.name: Parameter(d.bounds, d.unit, d.scale, d.value, sentence=d.sentence) for d in declared}
+    merged = {d.name: Parameter(d.bounds, d.unit, d.scale, d.value, sentence=d.sentence, shape=d.shape) for d in declared}
     for name, change in (changes or {}).items():
         if name not in merged:
             close = difflib.get_close_matches(name, merged, 1)
@@ -28,7 +30,9 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         return dataclasses.replace(base, value=float(change))
     if not isinstance(change, Parameter):
         low, high = change
-        return dataclasses.replace(base, bounds=(float(low), float(high)), value=None)
+        return dataclasses.replace(base, bounds=(low, high), value=None)
+    if change.shape and change.shape != base.shape:
+        raise SpaceError(f"Parameter {name!r} is given with shape {change.shape}, but the model has {base.shape or 'a single number'}.")
     bounds, value, start = change.bounds, change.value, change.start
     if change.unit is not None and base.unit is not None and change.unit != base.unit:
         if not units.compatible(change.unit, base.unit):
@@ -36,9 +40,9 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
                 f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind."
             )
         factor, offset = units.factor_offset(change.unit, base.unit)
-        bounds = (bounds[0] * factor + offset, bounds[1] * factor + offset) if bounds else None
-        value = value * factor + offset if value is not None else None
-        start = start * factor + offset if start is not None else None
+        converted = lambda v: None if v is None else np.asarray(v, dtype=float) * factor + offset  # noqa: E731
+        bounds = (converted(bounds[0]), converted(bounds[1])) if bounds else None
+        value, start = converted(value), converted(start)
     held = value if value is not None else (None if bounds is not None or change.tied else base.value)
     if bounds is not None and value is not None:
         held = value
@@ -51,4 +55,5 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         per_recording=change.per_recording,
         start=start,
         sentence=change.sentence or base.sentence,
+        shape=base.shape,
     )

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
@@ -10,8 +12,15 @@ from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.problem.experiment import Experiment
 from plantfit.simulate.simulator import Simulator
+from plantfit.simulate.steady import rest_channels, steady_outputs
 
 import jax.numpy as jnp
+
+
+class AtRest(NamedTuple):
+    """The numbers of a steady record: per input its values (N,)."""
+
+    value: tuple[Any, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,23 +58,35 @@ class Predictor:
         """The same model simulated with other steps."""
         return Predictor(self.model, simulator)
 
-    def drive(self, experiment: Experiment, stop: int | None = None) -> Any:
-        """The numbers of the first `stop` samples of a recording."""
+    def drive(self, experiment: Experiment, stop: int | None = None, longest: Mapping[str, float] | None = None) -> Any:
+        """The numbers of the first `stop` samples of a recording; `longest` as in `Simulator.drive`."""
         r, cut = experiment.recording, slice(None, stop)
         if isinstance(self.model, LinearModel):
             return self.model.columns({n: r[n] for n in self.model.signals})[cut]
+        if experiment.steady:
+            return AtRest(tuple(np.asarray(r[n][cut], dtype=float) for n in self.model.inputs))
         return self.stepping().drive(
             r.t[cut],
             {n: r[n][cut] for n in self.model.inputs},
             before=experiment.before,
             measured={n: r[n] for n in self.model.outputs},
+            longest=longest,
         )
 
     def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:
         """Every output at every sample, name -> (n,)."""
         if isinstance(self.model, LinearModel):
             return {self.model.target: drive @ jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.model.parameters])}
+        if isinstance(drive, AtRest):
+            return self._at_rest(p, drive)
         return self.stepping().outputs(p, drive)
+
+    def _at_rest(self, p: Mapping[str, Any], drive: AtRest) -> dict[str, Any]:
+        vector, values = self.stepping().vector, self.stepping().positional(p)
+        inputs = dict(zip(vector.model.inputs, drive.value, strict=True))
+        if vector.states:
+            return steady_outputs(vector, values, inputs)
+        return dict(zip(vector.outputs, vector.output((), rest_channels(vector, inputs), values), strict=True))
 
 
 def predictor_of(model: Model | LinearModel, stepper: str, substeps: int, hold: Mapping[str, str] | None) -> Predictor:

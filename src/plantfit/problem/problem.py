@@ -11,17 +11,20 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
+from plantfit.problem.batched import Batched
+from plantfit.problem.compress import compress
+from plantfit.problem.direct import Direct
 from plantfit.problem.experiment import Experiment, in_units
 from plantfit.problem.experiment import split as split_recording
+from plantfit.problem.mixed import Mixed
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import predictor_of
+from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
-from plantfit.simulate.simulator import Simulator
+from plantfit.simulate.simulator import Drive, Simulator
 
 import jax
 import jax.numpy as jnp
-
-MEMORY = 1 << 30  # bytes that one batch of candidates may take
 
 
 class Problem:
@@ -49,7 +52,7 @@ class Problem:
         scales: Mapping[str, float] | None = None,
         hold: Mapping[str, str] | None = None,
         before: Mapping[str, float] | None = None,
-        stepper: str = "rosenbrock",
+        stepper: str = "exponential",
         substeps: int | None = None,
         name: str = "fit",
     ):
@@ -59,7 +62,7 @@ class Problem:
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
-        self._compiled: dict[Any, dict[str, Any]] = {}  # shared by all variants of this problem
+        self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales = self._scales(scales)
 
@@ -76,13 +79,13 @@ class Problem:
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)
-        self._full = {n: self.predictor.drive(e) for n, e in self.experiments.items()}
+        self._full = {n: self.predictor.drive(e, longest=self._longest()) for n, e in self.experiments.items()}
         self._index, self._measured, self._fit_drive = {}, {}, {}
         for name, experiment in self.experiments.items():
             mask = experiment.mask("fit")
             if not np.any(mask):
                 continue
-            self._fit_drive[name] = self.predictor.drive(experiment, stop=int(np.flatnonzero(mask)[-1]) + 1)
+            self._fit_drive[name] = self.predictor.drive(experiment, stop=int(np.flatnonzero(mask)[-1]) + 1, longest=self._longest())
             for output in self.outputs:
                 y = experiment.recording[output]
                 index = np.flatnonzero(mask & np.isfinite(y))
@@ -94,6 +97,11 @@ class Problem:
                 raise RecordingError(
                     f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part."
                 )
+
+    def _longest(self) -> dict[str, float]:
+        """The largest value of every parameter that delays a state."""
+        late = getattr(self.model, "state_delays", ())
+        return {d.parameter: self.space.range(d.parameter)[1] for d in late}
 
     def _scales(self, given: Mapping[str, float] | None) -> dict[str, float]:
         result = {}
@@ -114,6 +122,7 @@ class Problem:
         """The same problem with other scales of the outputs; compiled functions are kept."""
         other = copy.copy(self)
         other.__dict__.pop("data", None)
+        other.__dict__.pop("arguments", None)
         other.scales = {**self.scales, **scales}
         return other
 
@@ -121,6 +130,7 @@ class Problem:
         """The same problem simulated with other steps."""
         other = copy.copy(self)
         other.__dict__.pop("data", None)
+        other.__dict__.pop("arguments", None)
         other.predictor = self.predictor.with_simulator(simulator)
         return other
 
@@ -128,77 +138,109 @@ class Problem:
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """All numbers that the residuals need, passed to compiled functions rather than built in."""
+        """What was recorded, of the fitted parts: drives, places and values of the scored samples, scales."""
         keys = list(self._fit_drive)
-        return {
+        found = {
             "drive": {n: self._fit_drive[n] for n in keys},
             "index": {n: {o: self._index[n, o] for o in self.outputs} for n in keys},
             "measured": {n: {o: self._measured[n, o] for o in self.outputs} for n in keys},
             "scale": {o: np.asarray(self.scales[o]) for o in self.outputs},
         }
+        if isinstance(self.model, LinearModel):
+            target = self.model.target
+            rows = {n: (np.asarray(self._fit_drive[n])[self._index[n, target]], self._measured[n, target]) for n in keys}
+            found["triangles"] = {n: compress(*row) for n, row in rows.items()}
+        return found
 
-    def residuals(self, z: Any, data: Any = None) -> jax.Array:
+    @cached_property
+    def arguments(self) -> Any:
+        """What the compiled functions take beside z; a pytree."""
+        functions = self._functions
+        if isinstance(functions, Direct):
+            return self.data
+        if isinstance(functions, Batched):
+            numbers: Any = functions.numbers(self._fit_drive, self.scales)
+        else:
+            numbers = functions.arguments(self._fit_drive, self.scales, self.data)
+        with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
+            return jax.tree.map(jnp.asarray, numbers)
+
+    @property
+    def _functions(self) -> Direct | Batched | Mixed:
+        """The pure functions for these steps; records are cut into chunks only once."""
+        direct = Direct(self.predictor, self.space, self.outputs)
+        moving = {n: d for n, d in self._fit_drive.items() if isinstance(d, Drive)}
+        if not self.predictor.has_steps or not moving or getattr(self.model, "state_delays", ()):
+            return direct
+        simulator = self.predictor.stepping()
+        if "batched" not in self._compiled:
+            self._compiled["batched"] = Batched.of(simulator, self.space, moving, self._index, self._measured)
+        batched = self._compiled["batched"].with_simulator(simulator)
+        if len(moving) == len(self._fit_drive):
+            return batched
+        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
+        return Mixed(batched, direct, counts)
+
+    def residuals(self, z: Any) -> jax.Array:
         """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by output."""
-        data = self.data if data is None else data
-        values = self.space.physical(z)
-        parts = []
-        for name, drive in data["drive"].items():
-            y = self.predictor.outputs(self.space.tree(values, name), drive)
-            for output in self.outputs:
-                picked = jnp.take(y[output], data["index"][name][output])
-                parts.append((picked - data["measured"][name][output]) / data["scale"][output])
-        return jnp.concatenate(parts)
+        return self.compiled["residuals"](jnp.asarray(z), self.arguments)
 
-    def cost(self, z: Any, data: Any = None) -> jax.Array:
+    def cost(self, z: Any) -> jax.Array:
         """Mean of the squared scaled residuals at a cube point (d,)."""
-        return jnp.mean(self.residuals(z, data) ** 2)
+        return self.costs(jnp.asarray(z)[None, :])[0]
 
     # -- compiled ---------------------------------------------------------------------------------
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """Compiled functions of (z, data), by name; one set for each choice of steps."""
+        """Compiled functions of (z, arguments), by name; one set for each choice of steps."""
         simulator = self.predictor.simulator
         key = None if simulator is None else (simulator.stepper, simulator.substeps)
         if key not in self._compiled:
-            self._compiled[key] = self._compile()
+            functions = self._functions
+            names = ("residuals", "costs", "values_and_gradients", "residuals_and_jacobian", "blocks")
+            self._compiled[key] = {n: jax.jit(getattr(functions, n)) for n in names}
+            self._compiled[key]["outputs"] = jax.jit(self.predictor.outputs)
         return self._compiled[key]
-
-    def _compile(self) -> dict[str, Any]:
-        def residuals_and_jacobian(z, data):
-            def once(z):
-                r = self.residuals(z, data)
-                return r, r
-
-            jacobian, r = jax.jacfwd(once, has_aux=True)(z)
-            return r, jacobian
-
-        def costs(zs, data):
-            row_bytes = 8 * 8 * sum(x.size for x in jax.tree.leaves(data["drive"])) * max(1, self.predictor.rows)
-            return jax.lax.map(lambda z: self.cost(z, data), zs, batch_size=max(1, min(zs.shape[0], MEMORY // row_bytes)))
-
-        return {
-            "residuals": jax.jit(self.residuals),
-            "costs": jax.jit(costs),
-            "value_and_gradient": jax.jit(jax.value_and_grad(self.cost)),
-            "residuals_and_jacobian": jax.jit(residuals_and_jacobian),
-            "outputs": jax.jit(lambda p, drive: self.predictor.outputs(p, drive)),
-        }
 
     def costs(self, zs: Any) -> jax.Array:
         """Costs (n,) of cube points (n, d); +inf where a candidate cannot be simulated."""
-        f = self.compiled["costs"](jnp.asarray(zs), self.data)
+        f = self.compiled["costs"](jnp.asarray(zs), self.arguments)
         return jnp.where(jnp.isfinite(f), f, jnp.inf)
 
-    def residuals_and_jacobian(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d)."""
-        r, jacobian = self.compiled["residuals_and_jacobian"](jnp.asarray(z), self.data)
-        return np.asarray(r), np.asarray(jacobian)
+    def values_and_gradients(self, zs: Any) -> tuple[jax.Array, jax.Array]:
+        """Costs (n,) and their exact gradients (n, d) at cube points (n, d)."""
+        return self.compiled["values_and_gradients"](jnp.asarray(zs), self.arguments)
 
     def value_and_gradient(self, z: Any) -> tuple[float, np.ndarray]:
         """Cost and its exact gradient (d,) at a cube point."""
-        f, g = self.compiled["value_and_gradient"](jnp.asarray(z), self.data)
-        return float(f), np.asarray(g)
+        f, g = self.values_and_gradients(jnp.asarray(z)[None, :])
+        return float(f[0]), np.asarray(g[0])
+
+    def residuals_and_jacobian(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d)."""
+        r, jacobian = self.compiled["residuals_and_jacobian"](jnp.asarray(z), self.arguments)
+        return np.asarray(r), np.asarray(jacobian)
+
+    def compressed(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (k,) and derivatives (k, d) in few rows: same mean square, gradient and Gauss-Newton matrix as the whole ones."""
+        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
+        parts = [(np.asarray(r), np.asarray(j), own) for (r, j), own in zip(blocks, self._functions.local, strict=True)]
+        return compressed(parts, self.space.dimension)
+
+    @property
+    def separable(self) -> tuple[np.ndarray, ...] | None:
+        """Coordinates of every recording when no two share any, so that each is a problem of its own; else None."""
+        groups = [np.asarray(own) for own in self._functions.local]
+        count = sum(map(len, groups))
+        return tuple(groups) if len(groups) > 1 and count == len(set(np.concatenate(groups))) == self.space.dimension else None
+
+    def separable_blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Residuals (k,) and derivatives (k, q) of every recording in few rows; the cost is the sum of their squares."""
+        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
+        count = sum(r.shape[0] for r, _ in blocks)
+        small = (triangle(np.column_stack([np.asarray(j), np.asarray(r)])) / np.sqrt(count) for r, j in blocks)
+        return [(a[:, -1], a[:, :-1]) for a in small]
 
     @cached_property
     def gradient_charge(self) -> float:
@@ -206,8 +248,11 @@ class Problem:
 
     @property
     def jacobian_charge(self) -> float:
-        """Evaluations that one Jacobian is charged; measured in benchmarks/engine.py (1 + d/2, rounded up)."""
-        return float(1 + (self.space.dimension + 1) // 2)
+        """Evaluations that one Jacobian is charged; measured in benchmarks/engine.py (1 + q/2, rounded up).
+
+        q counts the coordinates of one recording: those of others do not enter its residuals.
+        """
+        return float(1 + (self._functions.local_dimension + 1) // 2)
 
     # -- at an answer -----------------------------------------------------------------------------
 
@@ -241,5 +286,5 @@ def _experiments(recordings, split, skip, validate, before, needs) -> dict[str, 
                 else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
             )
         history = {**{k: v for k, v in before.items()}, **given.before}
-        result[name] = Experiment(in_units(given.recording, needs), given.fit, given.validate, given.skip, history)
+        result[name] = Experiment(in_units(given.recording, needs), given.fit, given.validate, given.skip, history, given.steady)
     return result

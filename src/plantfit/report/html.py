@@ -17,7 +17,7 @@ from plantfit.report import figures, sentences, tables
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
 from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
-from plantfit.report.schema import Findings, Recording, ResidualTest, array, read_findings
+from plantfit.report.schema import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
 
 _UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 CONFIG = {
@@ -28,6 +28,7 @@ CONFIG = {
     "modeBarButtonsToRemove": _UNUSED_BUTTONS,
 }
 POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
+MOST_INTERVALS = 60  # rows of the figure of intervals
 _CODES = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
@@ -186,11 +187,34 @@ def _test(test: ResidualTest, drawings: Drawings) -> dict[str, Any]:
 
 
 def _parameters(record: Findings, drawings: Drawings) -> dict[str, Any]:
-    figure = None
-    if drawable(record.parameters):
+    figure, single = None, [p for p in record.parameters if not p.index]
+    shown = drawable(single)[:MOST_INTERVALS]
+    if shown:
         label = "Value, 95 % interval and the values of all runs of each parameter, between its lower and upper bound."
-        figure = drawings.add(figures.interval_figure(record.parameters, record.runs), label)
-    return {"table": tables.parameters_table(record.parameters), "figure": figure}
+        figure = drawings.add(figures.interval_figure(shown, record.runs), label)
+    return {
+        "table": tables.parameters_table(single) if single else None,
+        "figure": figure,
+        "left": len(drawable(single)) - len(shown),
+        "curves": [_curve(group, drawings) for group in _groups(record.tables)],
+        "entries": tables.entries_tables(record.parameters),
+    }
+
+
+def _groups(found: list[OperatingTable]) -> list[list[OperatingTable]]:
+    """What is drawn together: a table over one signal in all recordings, one over two signals alone."""
+    groups: dict[tuple[str, str], list[OperatingTable]] = {}
+    for table in found:
+        groups.setdefault((table.name, "" if len(table.nodes) == 1 else str(table.recording)), []).append(table)
+    return list(groups.values())
+
+
+def _curve(group: list[OperatingTable], drawings: Drawings) -> dict[str, Any]:
+    first = group[0]
+    where = f" of {first.recording}" if first.recording and len(first.nodes) > 1 else ""
+    label = f"Table {first.name}{where} over {sentences.listed(first.over)}: value and 95 % interval at every node."
+    figure = drawings.add(figures.table_figure(group), label)
+    return {"title": f"{first.name}{where} over {sentences.listed(first.over)}", "figure": figure, "many": len(group) > 1}
 
 
 def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:

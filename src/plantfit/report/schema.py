@@ -5,7 +5,7 @@ None and NaN both mean "not known".
 """
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, prod
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -96,7 +96,12 @@ class ResidualTest(_Record):
 
 
 class Parameter(_Record):
+    """`index` places an entry of the table `parameter`; it is empty for a single number."""
+
     name: str
+    parameter: str = ""
+    recording: str | None = None
+    index: list[int] = []
     unit: str | None = None
     value: Number
     standard_error: Number = None
@@ -107,6 +112,40 @@ class Parameter(_Record):
     scale: Literal["linear", "log"] = "linear"
     at_bound: Literal["lower", "upper"] | None = None
     status: str = "determined"
+
+
+class OperatingTable(_Record):
+    """Entries of one table, flat in row-major order over the nodes of its one or two signals."""
+
+    name: str
+    unit: str | None = None
+    over: list[str]
+    over_units: list[str | None] = []
+    nodes: list[list[float]]
+    recording: str | None = None
+    values: Values
+    low: Values
+    high: Values
+    status: list[str]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units_for_all(cls, given: Any) -> Any:
+        """Units of the signals that are not told are not known."""
+        if isinstance(given, Mapping) and not given.get("over_units"):
+            return {**given, "over_units": [None] * len(given.get("over") or ())}
+        return given
+
+    @model_validator(mode="after")
+    def _lengths_agree(self):
+        entries = prod(len(n) for n in self.nodes)
+        lengths = {"values": self.values, "low": self.low, "high": self.high, "status": self.status}
+        for what, values in lengths.items():
+            if len(values) != entries:
+                raise ValueError(f"{what} has {len(values)} entries but the nodes make {entries}")
+        if not len(self.over) == len(self.over_units) == len(self.nodes) or entries == 0:
+            raise ValueError(f"over names {len(self.over)} signals but there are {len(self.nodes)} lists of nodes, none of them empty")
+        return self
 
 
 class Combination(_Record):
@@ -176,6 +215,7 @@ class Findings(_Record):
     scores: list[Score] = []
     residual_tests: list[ResidualTest] = []
     parameters: list[Parameter] = []
+    tables: list[OperatingTable] = []
     combinations: list[Combination] = []
     runs: list[Run] = []
     basins: list[Basin] = []

@@ -1,5 +1,6 @@
 """The tables of the report as headings and rows of text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
@@ -7,6 +8,7 @@ from plantfit.report.schema import Basin, Number, Parameter, Run, Score, Simulat
 from plantfit.report.sentences import listed, parameter_status, run_status, share
 
 MOST_RUNS = 200
+MOST_NAMES = 8  # columns of parameters
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ def scores_table(scores: list[Score]) -> Table:
     return Table("Scores", head, rows, frozenset({3, 4, 5, 6}), frozenset(k for k, s in enumerate(scores) if s.part == "validation"))
 
 
-def parameters_table(parameters: list[Parameter]) -> Table:
+def parameters_table(parameters: Sequence[Parameter], caption: str = "Parameters") -> Table:
     """Values with standard errors, intervals, bounds and what is known."""
     rows = tuple(
         (p.name, plus_minus(p.value, p.standard_error), unit_label(p.unit), interval(p.low, p.high), _bounds(p), parameter_status(p))
@@ -38,7 +40,21 @@ def parameters_table(parameters: list[Parameter]) -> Table:
     )
     head = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "status")
     marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound"))
-    return Table("Parameters", head, rows, frozenset({1, 3, 4}), marked)
+    return Table(caption, head, rows, frozenset({1, 3, 4}), marked)
+
+
+def entries_tables(parameters: Sequence[Parameter]) -> list[Table]:
+    """The entries of every table, its name and count in the caption."""
+    entries = [p for p in parameters if p.index]
+    own = {name: [p for p in entries if p.parameter == name] for name in dict.fromkeys(p.parameter for p in entries)}
+    return [parameters_table(rows, f"All {len(rows)} entries of {name}: {statuses(rows)}") for name, rows in own.items()]
+
+
+def statuses(parameters: Sequence[Parameter]) -> str:
+    """`21 determined, 6 weak`."""
+    kinds = ("determined", "weak", "flat", "at bound", "fixed")
+    counts = {kind: sum(p.status == kind for p in parameters) for kind in kinds}
+    return ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
 
 
 def runs_table(runs: list[Run]) -> Table:
@@ -63,13 +79,31 @@ def runs_table(runs: list[Run]) -> Table:
 
 
 def basins_table(basins: list[Basin]) -> Table:
-    """Minima that the runs ended in."""
-    names = list(dict.fromkeys(name for b in basins for name in b.parameters))
+    """Minima that the runs ended in, with the parameters that differ most between them where there are many."""
+    names = _telling(basins)
     rows = tuple(
         (significant(b.cost, 6), str(b.runs), share(b.share), *(significant(b.parameters.get(n)) for n in names))
         for b in basins[:MOST_RUNS]
     )
-    return Table("Minima found", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names))))
+    cut = f", with the {len(names)} parameters that differ most" if len(names) < len(_named(basins)) else ""
+    return Table(f"Minima found{cut}", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names))))
+
+
+def _named(basins: Sequence[Basin]) -> list[str]:
+    return list(dict.fromkeys(name for b in basins for name in b.parameters))
+
+
+def _telling(basins: Sequence[Basin]) -> list[str]:
+    """At most MOST_NAMES parameters, in their order, by how much they differ relative to their size."""
+
+    def differs(name: str) -> float:
+        values = [v for b in basins if (v := b.parameters.get(name)) is not None]
+        size = max(map(abs, values), default=0.0)
+        return (max(values) - min(values)) / size if size else 0.0
+
+    names = _named(basins)
+    kept = set(sorted(names, key=differs, reverse=True)[:MOST_NAMES])
+    return [n for n in names if n in kept]
 
 
 def simulation_table(simulation: Simulation) -> Table:

@@ -7,6 +7,7 @@ from typing import Any
 from plantfit.report.numbers import interval, plus_minus, significant
 from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
+from plantfit.report.tables import statuses
 
 WIDTH = 100
 
@@ -16,7 +17,8 @@ def summary_text(findings: Mapping[str, Any]) -> str:
     record = read_findings(findings)
     blocks = [f"{_line(record.name)}\n{textwrap.fill(_line(subtitle(record)), WIDTH)}", _verdict(record)]
     blocks += [_scores(record.scores), no_validation(record) if record.recordings else ""]
-    blocks.append(_parameters(record.parameters))
+    blocks.append(_parameters([p for p in record.parameters if not p.index]))
+    blocks.append(_tables(record))
     return "\n\n".join(block for block in blocks if block)
 
 
@@ -48,6 +50,20 @@ def _parameters(parameters: Sequence[Parameter]) -> str:
         for p in parameters
     ]
     return columns(("parameter", "value", "unit", "95 % interval", "status"), rows)
+
+
+def _tables(record: Findings) -> str:
+    """One line for each table and recording."""
+    own = {}
+    for p in record.parameters:
+        if p.index:
+            own.setdefault((p.parameter, p.recording or ""), []).append(p)
+    rows = []
+    for (name, recording), entries in own.items():
+        values = [p.value for p in entries if p.value is not None]
+        span = f"{significant(min(values), 3, True)} to {significant(max(values), 3, True)}" if values else ""
+        rows.append((name, recording, str(len(entries)), span, entries[0].unit or "", statuses(entries)))
+    return columns(("table", "recording", "entries", "values", "unit", "status"), rows, right=(2,))
 
 
 def _status(parameter: Parameter) -> str:

@@ -70,7 +70,8 @@ def merge(t: Any, knots: tuple[Any, ...], delays: tuple[Any, ...]) -> Steps:
     Knots that leave the record end up at its last sample, in steps of length zero.
     """
     t = jnp.asarray(t)
-    lists = [t, *(jnp.minimum(k + d, t[-1]) for k, d in zip(knots, delays, strict=True))]
+    # not minimum: its derivative at a tie would be half of the right one
+    lists = [t, *(jnp.where(k + d < t[-1], k + d, t[-1]) for k, d in zip(knots, delays, strict=True))]
     ranks = []
     for i, own in enumerate(lists):
         rank = jnp.arange(own.shape[0])

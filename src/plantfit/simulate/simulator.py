@@ -1,6 +1,6 @@
 """Simulate a model over the time axis and inputs of one recording."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,7 +9,9 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.model import Model
+from plantfit.simulate.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
+from plantfit.simulate.history import Lag, delayed_rollout, history_grid, ring_length
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.steppers import STEPPERS
 from plantfit.simulate.vector import VectorModel, vectorise
@@ -27,29 +29,36 @@ class Drive(NamedTuple):
     delayed: tuple[Pieces, ...]  # per delayed channel
     first_input: tuple[Any, ...]  # per channel, at the first sample
     first_output: tuple[Any, ...]  # per output, first measured value or nan
+    jumps: Any = None  # (E,) s where held inputs jump; only for models with state delays
+    ring: Any = None  # (slots,): as many past steps are kept for state delays
 
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
     """`outputs(p, drive)` and `states(p, drive)` for named parameter values; pure jax functions.
 
-    `stepper` is "rosenbrock" (stiff, default) or "rk4"; `substeps` divides every step of the grid.
+    `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff) or "rk4"; `substeps` divides every step of the grid.
     A smooth input that is interpolated, or a right-hand side that uses t, makes steps `varying`.
     """
 
     vector: VectorModel
-    stepper: str = "rosenbrock"
+    stepper: str = "exponential"
     substeps: int = 1
     interpolated: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, model: Model, *, stepper: str = "rosenbrock", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
+    def of(cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
         """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
         hold = dict(hold or {})
         if stepper not in STEPPERS:
             raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted(STEPPERS)}.")
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
+        if model.state_delays and (model.events or model.frictions or model.backlashes):
+            raise SimulationError(
+                f"Model {model.name!r} has late states together with events, dry friction or backlash, whose jumps the history would "
+                "not see; use a smooth form of one of them."
+            )
         for name, kind in hold.items():
             if name not in model.inputs:
                 raise SimulationError(f"hold names {name!r}, which is not one of the inputs {list(model.inputs)}.")
@@ -62,6 +71,17 @@ class Simulator:
         return Simulator(self.vector, self.stepper, self.substeps * factor, self.interpolated)
 
     @property
+    def step(self) -> Callable:
+        """The stepper, with what the model declares about events, dry friction and backlash around it."""
+        vector, step = self.vector, STEPPERS[self.stepper]
+        model = vector.model
+        for backlash in model.backlashes:
+            step = with_backlash(step, bind_backlash(backlash, vector))
+        for friction in model.frictions:
+            step = with_friction(step, bind_friction(friction, vector))
+        return with_events(step, [bind_event(e, vector) for e in model.events]) if model.events else step
+
+    @property
     def varying(self) -> bool:
         return bool(self.interpolated) or self.vector.uses_time
 
@@ -72,10 +92,12 @@ class Simulator:
         *,
         before: Mapping[str, float] | None = None,
         measured: Mapping[str, np.ndarray] | None = None,
+        longest: Mapping[str, float] | None = None,
     ) -> Drive:
         """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first value).
 
-        `measured` outputs are used only for `initial_state`, through their first value that is not missing.
+        `measured` outputs are used only for `initial_state`, through their first value that is not missing. `longest` gives
+        the largest value (s) of every parameter that delays a state.
         """
         before, measured = dict(before or {}), dict(measured or {})
         model = self.vector.model
@@ -100,13 +122,29 @@ class Simulator:
         delayed = tuple(
             delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input]) for d in model.delays
         )
-        first = [v[0] for v in value] + [history[d.input] for d in model.delays] + [t[0]]
+        # a state's own past is no input: whoever starts from it gets a missing value
+        late = [np.nan for _ in model.state_delays]
+        first = [*(v[0] for v in value), *(history[d.input] for d in model.delays), *late, t[0]]
         seen = []
         for name in model.outputs:
             y = np.asarray(measured.get(name, [np.nan]), dtype=float)
             finite = y[np.isfinite(y)]
             seen.append(finite[0] if len(finite) else np.nan)
-        return Drive(t, tuple(value), tuple(slope), delayed, tuple(float(v) for v in first), tuple(float(v) for v in seen))
+        jumps, ring = self._history(t, value, longest or {})
+        return Drive(t, tuple(value), tuple(slope), delayed, tuple(float(v) for v in first), tuple(float(v) for v in seen), jumps, ring)
+
+    def _history(self, t: np.ndarray, values: list[np.ndarray], longest: Mapping[str, float]) -> tuple[Any, Any]:
+        """Jumps of held inputs, and an array as long as the history that state delays need; None without such."""
+        delays = self.vector.model.state_delays
+        if not delays:
+            return None, None
+        missing = [d.parameter for d in delays if d.parameter not in longest]
+        if missing:
+            raise SimulationError(f"The state delay {missing[0]!r} needs its largest value: give longest = {{{missing[0]!r}: seconds}}.")
+        held = [v for n, v in zip(self.vector.model.inputs, values, strict=True) if self._hold(n) == Held.PREVIOUS]
+        jumps = np.unique(np.concatenate([t[np.flatnonzero(np.diff(v, prepend=v[:1]))] for v in held] or [np.zeros(0)]))
+        most = [longest[d.parameter] for d in delays]
+        return jumps, np.zeros(ring_length(t, self.substeps, jumps, most))
 
     def _hold(self, name: str) -> str:
         return Held.LINEAR if name in self.interpolated else Held.PREVIOUS
@@ -114,33 +152,67 @@ class Simulator:
     def outputs(self, p: Mapping[str, Any], drive: Drive) -> dict[str, Any]:
         """Every output at every sample, name -> (N,)."""
         vector = self.vector
-        x = self.states(p, drive)
-        channels = (*drive.value, *(jnp.take(c, rank) for c, rank in self._at_samples(p, drive)), drive.t)
-        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, channels, self._vector(p))
+        x, late = self._states_with_history(p, drive) if vector.model.state_delays else (self.states(p, drive), ())
+        channels = (*drive.value, *(jnp.take(c, rank) for c, rank in self._at_samples(p, drive)), *late, drive.t)
+        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, channels, self.positional(p))
         return dict(zip(vector.outputs, y, strict=True))
 
     def states(self, p: Mapping[str, Any], drive: Drive) -> tuple[Any, ...]:
         """Every state at every sample, a tuple of (N,) in the order of the model."""
         if not self.vector.states:
             return ()
+        if self.vector.model.state_delays:
+            return self._states_with_history(p, drive)[0]
         steps, z = self._steps(p, drive)
-        fine = _rollout(self)(self._vector(p), self.initial(p, drive), _divided(z, self.substeps))
+        x0 = self.initial(p, drive.first_input, drive.first_output)
+        later = _rollout(self)(self.positional(p), x0, _divided(z, self.substeps))
+        fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
         return tuple(jnp.take(x, steps.rank * self.substeps) for x in fine)
 
-    def initial(self, p: Mapping[str, Any], drive: Drive) -> tuple[Any, ...]:
-        """The states at the first sample."""
+    def _states_with_history(self, p, drive: Drive):
+        """States at the samples, and the late states there (linear between steps)."""
+        vector = self.vector
+        lists = tuple(c.knots + d for c, d in zip(drive.delayed, self._delays(p), strict=True))
+        late = [p[d.parameter] for d in vector.model.state_delays]
+        grid = history_grid(drive.t, self.substeps, drive.jumps, late, lists)
+        begin, end = grid.times[:-1], grid.times[1:]
+        u0, u1 = [], []
+        for value, slope in zip(drive.value, drive.slope, strict=True):
+            v, s, origin = (jnp.take(a, grid.sample) for a in (value, slope, drive.t))
+            u0.append(v + s * (begin - origin))
+            u1.append(v + s * (end - origin))
+        for pieces, delay in zip(drive.delayed, self._delays(p), strict=True):
+            index = jnp.searchsorted(pieces.knots, 0.5 * (begin + end) - delay, side="right")
+            v, s, origin = (jnp.take(a, index) for a in (pieces.value, pieces.slope, pieces.origin))
+            u0.append(v + s * (begin - delay - origin))
+            u1.append(v + s * (end - delay - origin))
+        first = len(u0)
+        lags = [
+            Lag(first + i, vector.states.index(d.state), delay)
+            for i, (d, delay) in enumerate(zip(vector.model.state_delays, late, strict=True))
+        ]
+        nothing = [jnp.zeros_like(begin) for _ in lags]
+        u0, u1 = (*u0, *nothing, begin), (*u1, *nothing, end)
+        x0 = self.initial(p, drive.first_input, drive.first_output)
+        x = delayed_rollout(self.step, vector.rate, x0, u0, u1, self.positional(p), grid.times, lags, drive.ring.shape[0])
+        after = tuple(jnp.interp(drive.t - lag.delay, grid.times, x[lag.state]) for lag in lags)
+        return tuple(jnp.take(a, grid.rank) for a in x), after
+
+    def initial(self, p: Mapping[str, Any], first_input: tuple[Any, ...], first_output: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The states at the first sample, from every channel there and the first measured outputs (see `Drive`)."""
         model = self.vector.model
         if model.initial_state is None:
             return tuple(jnp.zeros(()) for _ in self.vector.states)
-        u0 = dict(zip(self.vector.channels, drive.first_input, strict=True))
-        y0 = dict(zip(self.vector.outputs, drive.first_output, strict=True))
+        u0 = dict(zip(self.vector.channels, first_input, strict=True))
+        y0 = dict(zip(self.vector.outputs, first_output, strict=True))
         x0 = model.initial_state(dict(p), u0, y0)
         missing = [n for n in self.vector.states if n not in x0]
         if missing:
             raise SimulationError(f"Model {model.name!r}: initial_state gives no value for the state {missing[0]!r}; return every state.")
         return tuple(jnp.asarray(x0[n], dtype=float) for n in self.vector.states)
 
-    def _vector(self, p):
+    def positional(self, p: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Named parameter values in the order of the model."""
         return tuple(jnp.asarray(p[n], dtype=float) for n in self.vector.parameters)
 
     def _delays(self, p):
@@ -193,10 +265,10 @@ def _divided(z, m: int):
 
 
 def _rollout(simulator: Simulator):
-    step, rate, varying = STEPPERS[simulator.stepper], simulator.vector.rate, simulator.varying
+    step, vector, varying = simulator.step, simulator.vector, simulator.varying
 
     def one(p, x, z):
         u0, u1, h = z
-        return step(rate, x, u0, u1, h, p, varying)
+        return step(vector.rate, x, u0, u1, h, p, varying, vector.pattern)
 
     return make_rollout(one)

@@ -14,6 +14,7 @@ from plantfit.models.model import Model
 
 import jax
 import jax.numpy as jnp
+from jax.extend.core import Var
 
 Scalars = tuple[Any, ...]
 
@@ -22,7 +23,7 @@ Scalars = tuple[Any, ...]
 class VectorModel:
     """`rate(x, u, p)` and `output(x, u, p)` on tuples in the order of the names given here.
 
-    `channels` are the inputs, then the delayed copies, then "t".
+    `channels` are the inputs, then their delayed copies, then the delayed states, then "t".
     """
 
     model: Model
@@ -33,12 +34,13 @@ class VectorModel:
     rate: Callable[[Scalars, Scalars, Scalars], Scalars]
     output: Callable[[Scalars, Scalars, Scalars], Scalars]
     uses_time: bool
+    pattern: tuple[tuple[bool, ...], ...]  # [i][j]: whether the rate of state i depends on state j
 
 
 def vectorise(model: Model) -> VectorModel:
     """Turn named functions into positional ones; raises ModelError when they return the wrong names."""
     states, outputs = tuple(model.states), tuple(model.outputs)
-    channels = (*model.inputs, *(d.channel for d in model.delays), "t")
+    channels = (*model.inputs, *(d.channel for d in model.delays), *(d.channel for d in model.state_delays), "t")
     parameters = tuple(p.name for p in model.parameters)
 
     def named(x, u, p):
@@ -52,8 +54,10 @@ def vectorise(model: Model) -> VectorModel:
     def output(x, u, p):
         return _picked(model.output(*named(x, u, p)), outputs, model, "output")
 
-    used = _uses(rate, len(states), len(channels), len(parameters))
-    return VectorModel(model, states, channels, outputs, parameters, rate, output, used)
+    reads = _dependencies(rate, (len(states), len(channels)), model)
+    pattern = tuple(tuple(j in row for j in range(len(states))) for row in reads)
+    time = len(states) + len(channels) - 1
+    return VectorModel(model, states, channels, outputs, parameters, rate, output, any(time in row for row in reads), pattern)
 
 
 def _picked(values, names, model, what):
@@ -63,8 +67,18 @@ def _picked(values, names, model, what):
     return tuple(jnp.asarray(values[n], dtype=float) for n in names)
 
 
-def _uses(rate, n, channels, parameters) -> bool:
-    """Whether the last channel, time, enters the right-hand side."""
-    jaxpr = jax.make_jaxpr(rate)((1.0,) * n, (1.0,) * channels, (1.0,) * parameters).jaxpr
-    time = jaxpr.invars[n + channels - 1]
-    return any(v is time for e in jaxpr.eqns for v in e.invars) or any(v is time for v in jaxpr.outvars)
+def _dependencies(function, sizes: tuple[int, int], model: Model) -> list[set[int]]:
+    """For every result the positions of the states and channels, counted through, that it can depend on."""
+    states, channels = sizes
+    p = tuple(jnp.ones(d.shape) for d in model.parameters)
+    jaxpr = jax.make_jaxpr(function)((1.0,) * states, (1.0,) * channels, p).jaxpr
+    sources = {v: {i} for i, v in enumerate(jaxpr.invars[: states + channels])}
+
+    def read(atom) -> set[int]:
+        return sources.get(atom, set()) if isinstance(atom, Var) else set()
+
+    for equation in jaxpr.eqns:
+        found = set().union(*(read(v) for v in equation.invars))
+        for v in equation.outvars:
+            sources[v] = found
+    return [read(v) for v in jaxpr.outvars]

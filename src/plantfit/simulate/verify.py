@@ -41,7 +41,7 @@ def against_radau(
     ours = {k: np.asarray(v) for k, v in workings["outputs"].items()}
     exact = _integrated(simulator, p, workings, rtol, atol, pieces)
     count = exact.shape[1]
-    values = tuple(float(p[k]) for k in simulator.vector.parameters)
+    values = tuple(np.asarray(p[k], dtype=float) for k in simulator.vector.parameters)
     channels = tuple(np.asarray(c)[:count] for c in (*drive.value, *workings["late"], drive.t))
     y = jax.jit(jax.vmap(simulator.vector.output, in_axes=(0, 0, None)))(tuple(exact), channels, values)
     largest, rms = {}, {}
@@ -69,7 +69,7 @@ def _workings(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[
         return {
             "outputs": simulator.outputs(p, drive),
             "states": simulator.states(p, drive),
-            "initial": simulator.initial(p, drive),
+            "initial": simulator.initial(p, drive.first_input, drive.first_output),
             "grid": jnp.append(steps.start, steps.start[-1] + length[-1]),
             "rank": steps.rank,
             "u0": u0,
@@ -77,12 +77,12 @@ def _workings(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[
             "late": [jnp.take(c, i) for c, i in simulator._at_samples(p, drive)],
         }
 
-    return jax.tree.map(np.asarray, work({k: float(v) for k, v in p.items()}, drive))
+    return jax.tree.map(np.asarray, work({k: np.asarray(v, dtype=float) for k, v in p.items()}, drive))
 
 
 def _integrated(simulator: Simulator, p: Mapping[str, Any], workings, rtol: float, atol: float, pieces: int) -> np.ndarray:
     grid, rank, u0, u1 = (workings[k] for k in ("grid", "rank", "u0", "u1"))
-    rate, jacobian = _packed(simulator.vector, tuple(float(p[k]) for k in simulator.vector.parameters))
+    rate, jacobian = _packed(simulator.vector, tuple(np.asarray(p[k], dtype=float) for k in simulator.vector.parameters))
     x = np.array([float(v) for v in workings["initial"]])
     scale = np.maximum(1e-9, [float(np.max(np.abs(s))) for s in workings["states"]])
     states = np.full((len(x), len(rank)), np.nan)

@@ -1,8 +1,9 @@
 """What an answer is worth: errors, identifiability, residual tests, verdict."""
 
-from plantfit.trust.assess import Local, assess, linearise
+from plantfit.trust.assess import assess
 from plantfit.trust.covariance import covariance
 from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.local import Local, linearise
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
 
 __all__ = [

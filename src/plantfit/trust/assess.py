@@ -1,7 +1,6 @@
 """What an answer is worth: one plain record from a problem and the runs that were made on it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,58 +12,13 @@ from plantfit.problem.problem import Problem
 from plantfit.simulate.verify import against_radau, doubling_error
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
-from plantfit.trust.covariance import Block, covariance
-from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.local import EDGE as EDGE
+from plantfit.trust.local import Local, linearise
+from plantfit.trust.parameters import parameter_rows, table_rows
 from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
 from plantfit.trust.verdict import sentences
 
-import jax
-import jax.numpy as jnp
-
-EDGE = 1e-6  # of the cube: closer to a bound counts as on it
-
-
-@dataclass(frozen=True)
-class Local:
-    """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units."""
-
-    values: np.ndarray
-    covariance: np.ndarray
-    standard_error: np.ndarray
-    at_bound: tuple[str | None, ...]
-    directions: tuple[Direction, ...]
-
-
-def linearise(problem: Problem, z: np.ndarray) -> Local:
-    """Covariance and flat directions at the cube point z (d,)."""
-    space = problem.space
-    residuals, jacobian = problem.residuals_and_jacobian(z)
-    gradient = jacobian.T @ residuals
-    lower, upper = (z <= EDGE) & (gradient >= 0), (z >= 1 - EDGE) & (gradient <= 0)
-    free = ~(lower | upper)
-    cube = covariance(jacobian, residuals, _blocks(problem), free)
-    values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
-    values, slope = np.asarray(values), np.asarray(slope)
-    physical = cube * slope[:, None] * slope[None, :]
-    variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
-    information = (jacobian.T @ jacobian) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
-    on = np.flatnonzero(free)
-    directions = flat_directions(
-        information[np.ix_(on, on)], values[on], (space.upper - space.lower)[on], tuple(space.names[i] for i in on)
-    )
-    bound = tuple("lower" if a else "upper" if b else None for a, b in zip(lower, upper, strict=True))
-    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions))
-
-
-def _blocks(problem: Problem) -> list[Block]:
-    blocks, start = [], 0
-    for name in problem.data["drive"]:
-        for output in problem.outputs:
-            index = problem.data["index"][name][output]
-            if len(index):
-                blocks.append(Block(slice(start, start + len(index)), index))
-            start += len(index)
-    return blocks
+COMBINATIONS = 5  # the worst that are told
 
 
 def assess(
@@ -81,13 +35,15 @@ def assess(
     best = min(runs, key=lambda r: r.cost)
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
+    rows = parameter_rows(problem.space, local)
     findings = {
         "name": problem.name,
         "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
         "scores": _scores(problem, predictions),
         "residual_tests": _residual_tests(problem, predictions),
-        "parameters": _parameters(problem, local),
-        "combinations": [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in local.directions],
+        "parameters": rows,
+        "tables": table_rows(problem, rows),
+        "combinations": _combinations(local, rows),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
         "simulation": _simulation(problem, local.values, verify),
@@ -208,45 +164,12 @@ def _residual_tests(problem, predictions):
     return result
 
 
-def _parameters(problem, local):
-    result = []
-    space = problem.space
-    for i, c in enumerate(space.coordinates):
-        value, error = float(local.values[i]), float(local.standard_error[i])
-        share = error / (c.upper - c.lower) if not c.log else error / max(abs(value), 1e-300) / np.log(c.upper / c.lower)
-        relative = error / max(abs(value), 1e-300)
-        if local.at_bound[i]:
-            status = "at bound"
-        elif share > 0.2:
-            status = "flat"
-        elif share > 0.05 and relative > 0.25:
-            status = "weak"
-        else:
-            status = "determined"
-        result.append(
-            {
-                "name": c.name,
-                "unit": c.unit,
-                "value": value,
-                "standard_error": None if local.at_bound[i] else error,
-                "low": None if local.at_bound[i] else max(value - 1.96 * error, c.lower),
-                "high": None if local.at_bound[i] else min(value + 1.96 * error, c.upper),
-                "lower_bound": c.lower,
-                "upper_bound": c.upper,
-                "scale": "log" if c.log else "linear",
-                "at_bound": local.at_bound[i],
-                "status": status,
-            }
-        )
-    for name, p in space.parameters.items():
-        if p.value is not None and p.tied is None:
-            result.append(
-                {
-                    "name": name, "unit": p.unit, "value": p.value, "standard_error": None, "low": None, "high": None,
-                    "lower_bound": None, "upper_bound": None, "scale": p.scale, "at_bound": None, "status": "fixed",
-                }
-            )  # fmt: skip
-    return result
+def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The worst directions; one of a single parameter only when its row does not say so already."""
+    told = {row["name"] for row in rows if row["status"] in ("flat", "at bound")}
+    kept = [d for d in local.directions if len(d.weights) > 1 or not told.issuperset(d.weights)]
+    kept.sort(key=lambda d: (len(d.weights) == 1, -d.relative_sd))
+    return [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in kept[:COMBINATIONS]]
 
 
 def _run(problem, r):
@@ -289,7 +212,7 @@ def _simulation(problem, values, verify):
     if simulator is None or not simulator.vector.states:
         return {"stepper": "none (static model)", "substeps": 0, "outputs": {}}
     name = next(iter(problem.data["drive"]))
-    p = {k: float(v) for k, v in problem.space.tree(values, name).items()}
+    p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
     how = "scipy Radau, rtol 1e-9"
     try:

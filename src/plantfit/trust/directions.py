@@ -4,6 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plantfit.trust.words import some
+
+NAMED = 4  # names in one list of a sentence
+KEPT = 12  # weights of a direction, the largest
 FLAT = 0.5  # standard deviation of the logarithm along a direction: a factor of 1.6 either way
 
 
@@ -22,13 +26,19 @@ class Direction:
     def sentence(self) -> str:
         up = [n for n, w in self.weights.items() if w > 0]
         down = [n for n, w in self.weights.items() if w < 0]
-        strength = ", ".join(f"{n} {100 * w:+.0f} %" for n, w in self.weights.items())
+        strongest = sorted(self.weights.items(), key=lambda pair: -abs(pair[1]))[:NAMED]
+        strength = ", ".join(f"{n} {100 * w:+.0f} %" for n, w in strongest)
         if len(self.weights) == 1:
             return f"The data leave {up[0] if up else down[0]} open to about {_percent(self.relative_sd)}."
+        if len(self.weights) > NAMED:
+            return (
+                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated outputs hardly change. "
+                f"Along this line the values are open to about {_percent(self.relative_sd)}."
+            )
         if not down:
-            how = f"{_list(up)} can grow together"
+            how = f"{some(up)} can grow together"
         else:
-            how = f"{_list(up)} can grow while {_list(down)} shrink{'s' if len(down) == 1 else ''}"
+            how = f"{some(up)} can grow while {some(down)} shrink{'s' if len(down) == 1 else ''}"
         return (
             f"{how} ({strength}) and the simulated outputs hardly change; only what stays constant along this line is determined, "
             f"here {self.constant}. Along it the values are open to about {_percent(self.relative_sd)}."
@@ -53,24 +63,32 @@ def flat_directions(hessian: np.ndarray, values: np.ndarray, width: np.ndarray, 
 
     `hessian` (d, d): information about the values in their units (inverse covariance of white
     residuals), `values` (d,), `width` (d,) of the box. In logarithms of the values, with the box
-    as prior.
+    as prior. A value that stays open even when all others are known is a direction of its own; among
+    such values every mixture would be as open. Each keeps the 12 largest weights of at least 0.1.
     """
     size = np.where(np.abs(values) > 1e-9 * width, np.abs(values), width)
-    information = hessian * size[:, None] * size[None, :] + np.diag(12.0 * (size / width) ** 2)
-    eigenvalues, vectors = np.linalg.eigh(information)
+    data, prior = hessian * size[:, None] * size[None, :], 12.0 * (size / width) ** 2
+    told = np.diag(data) * FLAT**2 >= 1.0
+    alone = 1.0 / np.sqrt(np.maximum(np.diag(data) + prior, 1e-300))
+    found = [Direction({names[i]: 1.0}, float(alone[i])) for i in np.flatnonzero(~told) if alone[i] >= FLAT]
+    together = np.flatnonzero(told)
+    return found + _mixtures(data[np.ix_(together, together)], prior[together], tuple(names[i] for i in together))
+
+
+def _mixtures(data: np.ndarray, prior: np.ndarray, names: tuple[str, ...]) -> list[Direction]:
+    """Principal directions of values that each would be known if the others were; the box as long as it is along each."""
+    vectors = np.linalg.eigh(data + np.diag(prior))[1]
     found = []
-    for value, vector in zip(eigenvalues, vectors.T, strict=True):
+    for vector in vectors.T:
+        value = vector @ data @ vector + np.max(prior * vector**2)
         sd = 1.0 / np.sqrt(max(value, 1e-300))
         if sd < FLAT:
             continue
         vector = vector / vector[np.argmax(np.abs(vector))]
-        keep = {n: float(w) for n, w in zip(names, vector, strict=True) if abs(w) >= 0.1}
+        heavy = {i for i in np.argsort(-np.abs(vector), kind="stable")[:KEPT] if abs(vector[i]) >= 0.1}
+        keep = {n: float(w) for i, (n, w) in enumerate(zip(names, vector, strict=True)) if i in heavy}
         found.append(Direction(keep, float(sd)))
     return found
-
-
-def _list(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _percent(sd: float) -> str:

@@ -1,0 +1,122 @@
+"""A motor with friction under a voltage held for 100 ms, 1500 samples, through `Problem`: against scipy and C."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import plantfit.runtime  # noqa: F401
+from benchmarks import data
+from benchmarks.native import native
+from benchmarks.timing import Timing, timed
+from plantfit.models.equations import equations
+from plantfit.problem import Problem
+from plantfit.problem.steps import choose_substeps, refined_at
+from plantfit.recording.record import Recording, Signal
+from plantfit.space import Parameter
+
+import jax
+import jax.numpy as jnp
+
+NAMES = ("R", "L", "K", "B", "J", "Tf")
+WIDTH = 0.01  # rad/s over which friction changes sign
+POPULATION = 70
+PERIOD = 0.1  # s
+RTOL = 1e-2  # of scipy; the columns of errors tell what each reaches
+EQUATIONS = f"i' = (V - R*i - K*w)/L\nw' = (K*i - B*w - Tf*tanh(w/{WIDTH}))/J"
+
+
+class Row(NamedTuple):
+    """One line of the table: seconds for the population, and speed errors at the truth in rad/s."""
+
+    timing: Timing
+    error: np.ndarray
+
+
+def run(quick: bool) -> dict[str, float]:
+    """Print the table and return the figures."""
+    task = data.motor()
+    coarse = choose_substeps(_problem(task))
+    truth = coarse.space.cube(coarse.space.vector(dict(zip(NAMES, map(float, task.truth), strict=True))))
+    batch = np.random.default_rng(11).uniform(size=(POPULATION, 6))
+    rows: dict[str, Row] = {}
+    figures: dict[str, float] = {}
+    for stage, problem in (("search", coarse), ("answer", refined_at(coarse, truth))):
+        substeps = problem.predictor.stepping().substeps
+        ours = f"plantfit, {substeps} substeps ({stage})"
+        costs = np.asarray(problem.costs(batch)) * (len(task.t) + 1) / len(task.t)  # the record also has the start, free of error
+        error = problem.predict(problem.space.physical(truth))["w"][1:] - task.clean
+        rows[ours] = Row(timed(lambda problem=problem: problem.costs(jnp.asarray(batch)), 3 if quick else 7), error)
+        figures |= {f"motor_per_s_{stage}": POPULATION / rows[ours].timing.median, f"motor_substeps_{stage}": float(substeps)}
+        theirs = _twin(task, substeps)
+        if theirs is not None:
+            candidates = np.asarray(jax.vmap(problem.space.physical)(jnp.asarray(batch)))
+            theirs_costs, _ = theirs(candidates)
+            _, track = theirs(np.array(task.truth, dtype=float)[None, :])
+            name = f"C, {substeps} substeps"
+            rows[name] = Row(timed(lambda theirs=theirs, candidates=candidates: theirs(candidates), 3 if quick else 7), track - task.clean)
+            figures[f"motor_speed_over_c_twin_{stage}"] = rows[name].timing.median / rows[ours].timing.median
+            figures[f"motor_disagreement_{stage}"] = float(np.max(np.abs(costs / theirs_costs - 1.0)))
+        last = ours
+    part = 40 if quick else 150
+    for method in ("Radau", "LSODA"):
+        simulate = _scipy(task, dict(zip(NAMES, map(float, task.truth), strict=True)), method, part)
+        timing = timed(simulate, 1 if quick else 3)
+        share = POPULATION * len(task.t) / part
+        rows[f"scipy {method}"] = Row(Timing(timing.first * share, timing.median * share), simulate() - task.clean[:part])
+        figures[f"motor_scipy_{method.lower()}_over_plantfit_answer"] = timing.median * share / rows[last].timing.median
+    print(
+        f"{len(task.t)} samples of {PERIOD:g} s, {POPULATION} candidates; scipy (rtol {RTOL:g}) timed on {part} samples of one, scaled up"
+    )
+    print(f"{'':34}{'median':>14}{'candidates/s':>15}{'rms error':>14}{'worst':>14}")
+    for name, (timing, e) in rows.items():
+        rms, worst = np.sqrt(np.mean(e**2)), np.max(np.abs(e))
+        print(f"{name:34}{1000 * timing.median:11.1f} ms{POPULATION / timing.median:15.1f}{rms:8.1e} rad/s{worst:8.1e} rad/s")
+    return figures
+
+
+def _twin(task: data.Motor, substeps: int) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
+    """Candidates (n, 6) to mean squared errors (n,) and the speeds (1500,) of the first, in C; None without a compiler."""
+    c_costs = native("motor", "motor_costs")
+    if c_costs is None:
+        return None
+    voltage, speed = np.ascontiguousarray(task.voltage), np.ascontiguousarray(task.speed)
+
+    def costs(candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, track = np.empty(len(candidates)), np.empty(len(speed))
+        columns = np.ascontiguousarray(candidates.T)
+        c_costs(len(candidates), len(speed), substeps, PERIOD, WIDTH, columns, voltage, speed, found, track)
+        return found, track
+
+    return costs
+
+
+def _problem(task: data.Motor) -> Problem:
+    model = equations(EQUATIONS, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=dict.fromkeys(NAMES), name="motor")
+    signals = {"V": Signal(np.r_[task.voltage, task.voltage[-1]]), "w": Signal(np.r_[0.0, task.speed])}
+    box = {n: Parameter((0.5 * v, 2.0 * v), scale="log") for n, v in zip(NAMES, map(float, task.truth), strict=True)}
+    return Problem(model, Recording(np.r_[0.0, task.t], signals), box)
+
+
+def _scipy(task: data.Motor, p: dict[str, float], method: str, samples: int) -> Callable[[], np.ndarray]:
+    """Speeds (samples,) in plain floats with the exact Jacobian, begun anew at every change of the voltage."""
+    r, inductance, k, b, j, friction = (p[n] for n in NAMES)
+
+    def jacobian(t, x):
+        slope = friction * (1.0 - np.tanh(x[1] / WIDTH) ** 2) / WIDTH
+        return [[-r / inductance, -k / inductance], [k / j, (-b - slope) / j]]
+
+    def run() -> np.ndarray:
+        x, speeds = np.zeros(2), np.empty(samples)
+        for n in range(samples):
+            v = float(task.voltage[n])
+
+            def rate(t, x, v=v):
+                return [(v - r * x[0] - k * x[1]) / inductance, (k * x[0] - b * x[1] - friction * np.tanh(x[1] / WIDTH)) / j]
+
+            x = solve_ivp(rate, (0.0, PERIOD), x, method, rtol=RTOL, atol=RTOL, jac=jacobian).y[:, -1]
+            speeds[n] = x[1]
+        return speeds
+
+    return run

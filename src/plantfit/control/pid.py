@@ -1,0 +1,96 @@
+"""A discrete PID controller in parallel form."""
+
+import math
+from typing import Any, NamedTuple
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SimulationError
+from plantfit.simulate.closed_loop import Controller
+
+import jax.numpy as jnp
+
+ANTI_WINDUP = ("clamping", "back-calculation", "none")
+
+
+class Gains(NamedTuple):
+    """Parameters of `pid`, each a scalar: e = r - y is in the unit of the output, the command c in its own.
+
+    Kp in c/e, Ki in c/(e s), Kd in c s/e; set-point weights b (proportional part) and c (derivative
+    part; 0 spares the actuator a kick at steps of the reference); `filter_time` (s) of the derivative.
+    """
+
+    Kp: Any
+    Ki: Any = 0.0
+    Kd: Any = 0.0
+    b: Any = 1.0
+    c: Any = 1.0
+    filter_time: Any = 0.0
+
+
+class PidState(NamedTuple):
+    """Integral part, filtered derivative part (both in command units), last error and last c r - y."""
+
+    integral: Any
+    derivative: Any
+    error: Any
+    weighted: Any
+
+
+def pid(
+    period: float,
+    *,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    anti_windup: str = "clamping",
+    tracking_time: float | None = None,
+) -> Controller:
+    """A PID controller sampled every `period` seconds, its command limited to [lower, upper]; its parameters are `Gains`.
+
+        P = Kp (b r - y)
+        I += Ki period (e + e_last) / 2                                            (Tustin)
+        D = (filter_time D + Kd ((c r - y) - (c r - y)_last)) / (filter_time + period)   (backward difference)
+
+    anti_windup "clamping": the integral rests while the command is beyond a limit and the error drives it
+    further; "back-calculation": I += period / tracking_time (limited command - command), with tracking_time
+    in seconds (at least `period`); "none". At the first sample the loop rested at reference = measurement.
+
+    Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section 8.5 (derivative: eq. 8.26,
+    anti-windup: section 8.5); Astrom, Hagglund, Advanced PID Control, section 3.5 (conditional integration).
+    Raises SimulationError for a period, limits or anti-windup that cannot work.
+    """
+    _check(period, lower, upper, anti_windup, tracking_time)
+    follow = period / tracking_time if tracking_time is not None else 0.0
+
+    def init(measurement, gains):
+        zero = jnp.zeros_like(measurement)
+        return PidState(zero, zero, zero, (gains.c - 1.0) * measurement)
+
+    def update(state, measurement, reference, gains):
+        error, weighted = reference - measurement, gains.c * reference - measurement
+        added = (0.5 * period) * gains.Ki * (error + state.error)
+        change = gains.Kd * (weighted - state.weighted)
+        derivative = (gains.filter_time * state.derivative + change) * (1.0 / (gains.filter_time + period))
+        integral = state.integral + added
+        wanted = gains.Kp * (gains.b * reference - measurement) + integral + derivative
+        command = jnp.clip(wanted, lower, upper)
+        if anti_windup == "clamping":
+            further = ((wanted > upper) & (added > 0)) | ((wanted < lower) & (added < 0))
+            integral = jnp.where(further, state.integral, integral)
+        elif anti_windup == "back-calculation":
+            integral = integral + follow * (command - wanted)
+        return PidState(integral, derivative, error, weighted), command
+
+    return Controller(init, update)
+
+
+def _check(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> None:
+    if not (math.isfinite(period) and period > 0):
+        raise SimulationError(f"The PID's period is {period}; give seconds above 0.")
+    if not lower < upper:
+        raise SimulationError(f"The PID's limits are [{lower:g}, {upper:g}]; give lower below upper.")
+    if anti_windup not in ANTI_WINDUP:
+        raise SimulationError(f"anti_windup = {anti_windup!r} is unknown; use one of {list(ANTI_WINDUP)}.")
+    if (tracking_time is not None) != (anti_windup == "back-calculation"):
+        raise SimulationError("tracking_time belongs to anti_windup = 'back-calculation'; give both or neither.")
+    if tracking_time is not None and not (math.isfinite(tracking_time) and tracking_time >= period):
+        raise SimulationError(f"tracking_time = {tracking_time}; give seconds, at least one period ({period:g} s).")

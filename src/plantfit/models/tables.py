@@ -1,0 +1,149 @@
+"""Tables over operating points: a parameter of one value for each node, linear between, clamped outside."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401  (float64 before the first array)
+from plantfit.errors import ModelError
+
+# isort: split
+import jax
+import jax.numpy as jnp
+
+Nodes = Sequence[float] | np.ndarray
+
+
+@dataclass(frozen=True)
+class Table:
+    """Values over one signal or two: `over` names them, `nodes` holds their operating points, increasing.
+
+    `unit` is that of the values. Raises ModelError for nodes that cannot be used.
+    """
+
+    name: str
+    over: tuple[str, ...]
+    nodes: tuple[tuple[float, ...], ...]
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.over) not in (1, 2) or len(self.nodes) != len(self.over):
+            raise ModelError(
+                f"Table {self.name!r} is over {list(self.over)} with {len(self.nodes)} lists of nodes; "
+                "give one or two signals and one list of nodes for each."
+            )
+        for signal, nodes in zip(self.over, self.nodes, strict=True):
+            _check_nodes(self.name, signal, nodes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n,), or (ny, nu) over two signals."""
+        return tuple(len(nodes) for nodes in self.nodes)
+
+    def __call__(self, values: Any, *at: Any) -> Any:
+        """The value at operating points: `values` of `shape`, one argument for each signal."""
+        if len(at) == 1:
+            return lookup(values, self.nodes[0], *at)
+        return lookup2(values, (self.nodes[0], self.nodes[1]), *at)
+
+
+def lookup(values: Any, nodes: Nodes, x: Any) -> Any:
+    """Piecewise linear in x through (nodes, values), clamped outside.
+
+    `values` (n,), `nodes` (n,) fixed and increasing, `x` of any shape; gives the shape of x.
+
+        y(x) = v_i + w (v_{i+1} - v_i),   w = (x - x_i)/(x_{i+1} - x_i)               (1)
+        dy/dx = (v_{i+1} - v_i)/(x_{i+1} - x_i),  0 outside,  to the right at a node  (2)
+        dy/dv_i = 1 - w,  dy/dv_{i+1} = w                                             (3)
+
+    Forward, reverse and nested derivatives hold. NaN gives NaN. Raises ModelError for values of another shape.
+    """
+    values = _checked(values, (len(nodes),))
+    index, weight = _cell(nodes, x)
+    ends = _corners(values, index)
+    return _between(ends[..., 0], ends[..., 1], weight)
+
+
+def lookup2(values: Any, nodes: tuple[Nodes, Nodes], y: Any, u: Any) -> Any:
+    """Bilinear in (y, u), clamped outside in each: `values` (ny, nu), `nodes` ((ny,), (nu,)).
+
+    `y` and `u` broadcast. Within a cell it is eq. (1) of `lookup` by u, then by y; derivatives likewise.
+    """
+    values = _checked(values, (len(nodes[0]), len(nodes[1])))
+    (i, in_y), (j, in_u) = _cell(nodes[0], y), _cell(nodes[1], u)
+    corners = _corners(values, i, j)
+    low = _between(corners[..., 0, 0], corners[..., 0, 1], in_u)
+    high = _between(corners[..., 1, 0], corners[..., 1, 1], in_u)
+    return _between(low, high, in_y)
+
+
+def _checked(values: Any, shape: tuple[int, ...]) -> Any:
+    values = jnp.asarray(values, dtype=float)
+    if values.shape != shape:
+        raise ModelError(f"A table with nodes of shape {shape} has values of shape {values.shape}; give one value for each node.")
+    return values
+
+
+def _between(left: Any, right: Any, weight: Any) -> Any:
+    return left + weight * (right - left)
+
+
+def _corners(values: Any, *index: Any) -> Any:
+    """The entries around a cell, (..., 2) or (..., 2, 2), in one gather.
+
+    The promise drops bounds checks, also from its transpose, a scatter-add of such windows; over 24 000
+    steps on a CPU that was two to three times faster than sums over one-hot weights.
+    """
+    start = jnp.stack(jnp.broadcast_arrays(*index), axis=-1)
+    signals, batch = len(index), start.ndim - 1
+    numbers = jax.lax.GatherDimensionNumbers(
+        offset_dims=tuple(range(batch, batch + signals)), collapsed_slice_dims=(), start_index_map=tuple(range(signals))
+    )
+    return jax.lax.gather(values, start, numbers, slice_sizes=(2,) * signals, mode="promise_in_bounds")
+
+
+def _cell(nodes: Nodes, x: Any) -> tuple[Any, Any]:
+    """(index, weight): the cell that x lies in, and where in it, 0 to 1; d weight/dx = 0 outside of the table.
+
+    Tables over the same nodes and the same x repeat this arithmetic, and XLA merges it.
+    """
+    grid, x = np.asarray(nodes, dtype=float), jnp.asarray(x, dtype=float)
+    index, inside = _even_cell(grid, x) if _is_even(grid) else _uneven_cell(grid, x)
+    return index, jnp.where(x >= grid[-1], 1.0, jnp.where(x < grid[0], 0.0, inside))
+
+
+def _even_cell(grid: np.ndarray, x: Any) -> tuple[Any, Any]:
+    cells = len(grid) - 1
+    position = (x - grid[0]) * (cells / (grid[-1] - grid[0]))
+    # a node that rounding puts a hair below its number still opens the cell on its right
+    number = jnp.clip(jnp.floor(position + _rounding(grid) * cells / (grid[-1] - grid[0])), 0, cells - 1)
+    return number.astype(jnp.int32), position - number
+
+
+def _uneven_cell(grid: np.ndarray, x: Any) -> tuple[Any, Any]:
+    index = jnp.sum(x[..., None] >= grid[1:-1], axis=-1, dtype=jnp.int32)
+    start = jnp.asarray(grid[:-1]).at[index].get(mode="promise_in_bounds")
+    density = jnp.asarray(1.0 / np.diff(grid)).at[index].get(mode="promise_in_bounds")
+    return index, (x - start) * density
+
+
+def _rounding(grid: np.ndarray) -> float:
+    return 16 * float(np.finfo(float).eps * np.max(np.abs(grid)))
+
+
+def _is_even(grid: np.ndarray) -> bool:
+    return bool(np.max(np.abs(grid - np.linspace(grid[0], grid[-1], len(grid)))) <= _rounding(grid))
+
+
+def _check_nodes(name: str, signal: str, nodes: Sequence[float]) -> None:
+    where = f"Table {name!r}: the nodes over {signal!r}"
+    if len(nodes) < 2:
+        raise ModelError(f"{where} are {len(nodes)}; give at least 2.")
+    if not np.all(np.isfinite(nodes)):
+        raise ModelError(f"{where} are {list(nodes)}; write finite numbers.")
+    for k, (a, b) in enumerate(pairwise(nodes)):
+        if a >= b:
+            raise ModelError(f"{where} do not increase at number {k + 1} ({a:g}, then {b:g}); sort them and drop repeated ones.")

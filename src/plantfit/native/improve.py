@@ -1,0 +1,80 @@
+"""Passes over a finished graph: unused nodes go, divisions by one number share a reciprocal, products join sums.
+
+Contraction is decided here and not by LLVM, so that a lane gives the same bits whatever is batched.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from plantfit.native.graph import F64, Node, Region, all_regions, regions_of
+
+
+def improve(regions: Sequence[Region], *, fuse: bool) -> None:
+    """Change the regions (prologue, body) in place; `fuse` where the processor has fused multiply-add."""
+    _drop_unused(regions)
+    for top in regions:
+        for region in all_regions(top):
+            _share_reciprocals(region)
+    if fuse:
+        _drop_unused(regions)
+        _fuse(regions)
+    _drop_unused(regions)
+
+
+def _drop_unused(regions: Sequence[Region]) -> None:
+    used: set[int] = set()
+
+    def mark(nodes: Sequence[Node]) -> None:
+        pending = list(nodes)
+        while pending:
+            node = pending.pop()
+            if id(node) in used:
+                continue
+            used.add(id(node))
+            pending.extend(node.args)
+            for inner in regions_of(node):
+                pending.extend(inner.results)
+
+    for region in regions:
+        mark(region.results)
+    for top in regions:
+        for region in all_regions(top):
+            region.code = [n for n in region.code if id(n) in used]
+
+
+def _share_reciprocals(region: Region) -> None:
+    """a/c and b/c become a (1/c) and b (1/c): one division, at most one more rounding error each."""
+    shared = Counter(id(n.args[1]) for n in region.code if n.op == "div" and n.dtype == F64)
+    inverse: dict[int, Node] = {}
+    code: list[Node] = []
+    for node in region.code:
+        if node.op == "div" and node.dtype == F64 and shared[id(node.args[1])] > 1:
+            over, under = node.args
+            if id(under) not in inverse:
+                inverse[id(under)] = Node("rcp", (under,), F64, None, None, node.depth)
+                code.append(inverse[id(under)])
+            node.op, node.args = "mul", (over, inverse[id(under)])
+        code.append(node)
+    region.code = code
+
+
+def _fuse(regions: Sequence[Region]) -> None:
+    """Products that are used once, by a sum or difference, become part of it."""
+    uses: Counter[int] = Counter()
+    everywhere = [r for top in regions for r in all_regions(top)]
+    for region in everywhere:
+        uses.update(id(a) for n in region.code for a in n.args)
+        uses.update(id(r) for r in region.results)
+    for region in everywhere:
+        for node in region.code:
+            if node.op in ("add", "sub") and node.dtype == F64:
+                _fuse_one(node, uses)
+
+
+def _fuse_one(node: Node, uses: Counter[int]) -> None:
+    left, right = node.args
+    minus = node.op == "sub"
+    if right.op == "mul" and uses[id(right)] == 1:
+        node.op, node.args, node.data = "fma", (*right.args, left), (minus, False)
+    elif left.op == "mul" and uses[id(left)] == 1:
+        node.op, node.args, node.data = "fma", (*left.args, right), (False, minus)

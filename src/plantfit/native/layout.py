@@ -1,0 +1,102 @@
+"""How the axes of a batch are shared out: groups that run one after another, lanes that run side by side."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import plantfit.runtime  # noqa: F401
+
+# isort: split
+import jax
+import jax.numpy as jnp
+
+
+@dataclass(frozen=True)
+class Layout:
+    """`group_axes` and `lane_axes` split the batch; vectors of `width` lanes, `vectors` of them together."""
+
+    batch: tuple[int, ...]
+    group_axes: tuple[int, ...]
+    lane_axes: tuple[int, ...]
+    width: int
+    vectors: int
+
+    @property
+    def groups(self) -> int:
+        return math.prod(self.batch[a] for a in self.group_axes)
+
+    @property
+    def lanes(self) -> int:
+        return math.prod(self.batch[a] for a in self.lane_axes)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether a group does not fill one block."""
+        return self.lanes < self.width * self.vectors
+
+    def over_groups(self, present: Sequence[bool]) -> bool:
+        return any(present[a] for a in self.group_axes)
+
+    def over_lanes(self, present: Sequence[bool]) -> bool:
+        return any(present[a] for a in self.lane_axes)
+
+    def arrange(self, a: Any, present: Sequence[bool], rows: bool) -> Any:
+        """(present batch axes..., core...) to (core..., G, B), with `rows` to (G, core..., B); G and B are 1 where absent."""
+        count = sum(present)
+        place = {axis: i for i, axis in enumerate(x for x, p in enumerate(present) if p)}
+        core = a.shape[count:]
+        for axes in (self.group_axes, self.lane_axes):
+            wanted = any(present[x] for x in axes)
+            for axis in axes:
+                if wanted and axis not in place:  # spread over the axes it lacks
+                    a = jnp.broadcast_to(jnp.expand_dims(a, 0), (self.batch[axis], *a.shape))
+                    place = {k: v + 1 for k, v in place.items()} | {axis: 0}
+                    count += 1
+        order = [place[x] for x in (*self.group_axes, *self.lane_axes) if x in place]
+        a = jnp.transpose(a, (*range(count, a.ndim), *order))
+        groups = math.prod(self.batch[x] for x in self.group_axes if x in place)
+        lanes = math.prod(self.batch[x] for x in self.lane_axes if x in place)
+        a = a.reshape(*core, groups, lanes)
+        return jnp.moveaxis(a, -2, 0) if rows else a
+
+    def buffer(self, core: tuple[int, ...], dtype: Any, rows: bool) -> Any:
+        """Shape of a result in the order of the kernel."""
+        shape = (self.groups, *core, self.lanes) if rows else (*core, self.groups, self.lanes)
+        return jax.ShapeDtypeStruct(shape, dtype)
+
+    def restore(self, a: Any, rank: int, rows: bool) -> Any:
+        """The inverse of `arrange` for an array that varies over the whole batch."""
+        a = jnp.moveaxis(a, 0, -2) if rows else a
+        core = a.shape[:rank]
+        a = a.reshape(*core, *(self.batch[x] for x in (*self.group_axes, *self.lane_axes)))
+        order = (*self.group_axes, *self.lane_axes)
+        return jnp.transpose(a, (*(rank + order.index(x) for x in range(len(self.batch))), *range(rank)))
+
+
+def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:
+    """Lanes over all axes, or over those that no step data vary over, whichever runs fewer vectors.
+
+    Spreading step data over axes that they lack costs a copy of K numbers per lane, counted as a part of a vector step.
+    """
+    everything = tuple(range(len(batch)))
+    data = [p for p, r in zip(present, rows, strict=True) if r and any(p)]
+    outer = tuple(a for a in everything if any(p[a] for p in data))
+    inner = tuple(a for a in everything if a not in outer)
+    flat = _with_lanes(batch, (), everything, width, most)
+    if not outer or not inner:
+        return flat
+    split = _with_lanes(batch, outer, inner, width, most)
+    copied = sum(1 for p in data if not all(p))
+    return split if _work(split) <= _work(flat) * (1 + 0.1 * copied) else flat
+
+
+def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:
+    layouts = [Layout(batch, groups, lanes, width, vectors) for vectors in range(1, most + 1)]
+    return min(layouts, key=_work)
+
+
+def _work(layout: Layout) -> int:
+    """Time per time step, measured on loops of some hundred instructions: a block of 1 to 4 vectors takes 4, 4, 5, 6."""
+    blocks = math.ceil(layout.lanes / (layout.width * layout.vectors))
+    return layout.groups * blocks * (2 + max(2, layout.vectors))

@@ -1,0 +1,154 @@
+"""The jax primitive behind `native_scan`: shapes, batching, and its lowering to a call of native code.
+
+Operands carry the axes of every `vmap` around the loop in front, or none of an axis that they do not vary over.
+"""
+
+import ctypes
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.native.kernel import Program, Shape, make_kernel
+from plantfit.native.layout import choose_layout
+from plantfit.native.machine import address_of, host, key_of
+from plantfit.native.unsupported import NativeUnsupported
+
+# isort: split
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Primitive, jaxpr_as_fun
+from jax.interpreters import ad, batching, mlir
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A traced loop: its program, the jaxpr it came from, and the shapes of what it returns."""
+
+    program: Program
+    jaxpr: Any
+    results: tuple[tuple[tuple[int, ...], np.dtype], ...]  # of the carry, then of a row of ys
+    constants: int
+    carry: int
+    steps: int
+    reverse: bool
+
+    def out_shapes(self) -> list[tuple[tuple[int, ...], np.dtype]]:
+        """Of one lane: carry leaves, then ys with their leading axis of steps."""
+        return [(s if i < self.carry else (self.steps, *s), d) for i, (s, d) in enumerate(self.results)]
+
+
+Flags = tuple[bool, ...]
+
+loop_p = Primitive("native_scan")
+loop_p.multiple_results = True
+
+
+@loop_p.def_abstract_eval
+def _abstract(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> list[Any]:
+    return [ShapedArray((*batch, *shape), dtype) for shape, dtype in loop.out_shapes()]
+
+
+def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> list[Any]:
+    """Rearrange, call, rearrange back."""
+    here = host()
+    kinds = _core_kinds(loop)
+    layout = choose_layout(batch, present, [rows for _, rows in kinds], here.width, here.vectors)
+    program = loop.program
+    varies = tuple((layout.over_groups(p), layout.over_lanes(p)) for p in present)
+    shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, varies)
+    name = _registered(program, shape)
+    sizes = jnp.asarray(np.array([loop.steps, layout.groups, layout.lanes]))
+    arranged = [layout.arrange(a, p, rows) for a, p, (_, rows) in zip(operands, present, kinds, strict=True)]
+    outs = loop.out_shapes()
+    rows_out = [i >= loop.carry for i in range(len(outs))]
+    called = jax.ffi.ffi_call(name, [layout.buffer(s, d, rows) for (s, d), rows in zip(outs, rows_out, strict=True)])
+    raw = called(sizes, *arranged)
+    return [layout.restore(a, len(s), rows) for a, (s, _), rows in zip(raw, outs, rows_out, strict=True)]
+
+
+def _run_or_scan(*operands: Any, **params: Any) -> list[Any]:
+    """Native, or lax.scan where only this batch is too much (large tables that differ between lanes)."""
+    try:
+        return _run(*operands, **params)
+    except NativeUnsupported:
+        return _scan(*operands, **params)
+
+
+def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> list[Any]:
+    """The same loop by XLA."""
+
+    def one(*given: Any) -> list[Any]:
+        consts, carry = given[: loop.constants], given[loop.constants : loop.constants + loop.carry]
+        function = jaxpr_as_fun(ClosedJaxpr(loop.jaxpr, consts))
+
+        def body(c: Any, x: Any) -> tuple[list[Any], list[Any]]:
+            out = function(*c, *x)
+            return out[: loop.carry], out[loop.carry :]
+
+        rows = list(given[loop.constants + loop.carry :])
+        after, ys = jax.lax.scan(body, list(carry), rows, length=loop.steps, reverse=loop.reverse)
+        return [*after, *ys]
+
+    run: Any = one
+    for axis in reversed(range(len(batch))):
+        run = jax.vmap(run, in_axes=tuple(0 if p[axis] else None for p in present), axis_size=batch[axis])
+    return run(*operands)
+
+
+def _core_kinds(loop: Loop) -> list[tuple[int, bool]]:
+    program = loop.program
+    return [(n, False) for _, n in (*program.constants, *program.carry)] + [(n, True) for _, n in program.rows]
+
+
+def _registered(program: Program, shape: Shape) -> str:
+    """The name under which XLA knows this machine code; compiles it when it is new."""
+    kernel = make_kernel(program, shape)
+    key = key_of(kernel.text)
+    name = f"plantfit_native_{key}"
+    with _LOCK:
+        if name not in _REGISTERED:
+            jax.ffi.register_ffi_target(name, _capsule(address_of(kernel.text, key, kernel.libm)), platform="cpu")
+            _REGISTERED.add(name)
+    return name
+
+
+_LOCK = threading.Lock()
+_REGISTERED: set[str] = set()  # names that XLA knows in this process
+
+
+def _capsule(address: int) -> Any:
+    make = ctypes.pythonapi.PyCapsule_New
+    make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
+    return make(address, b"xla._CUSTOM_CALL_TARGET", None)
+
+
+def _batched(operands: Sequence[Any], dims: Sequence[Any], *, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> Any:
+    """A new axis in front of the others."""
+    size = next(a.shape[d] for a, d in zip(operands, dims, strict=True) if d is not None)
+    moved = [a if d is None else jnp.moveaxis(a, d, 0) for a, d in zip(operands, dims, strict=True)]
+    flags = tuple((d is not None, *p) for d, p in zip(dims, present, strict=True))
+    out = loop_p.bind(*moved, loop=loop, batch=(size, *batch), present=flags)
+    return out, [0] * len(out)
+
+
+def _no_derivative(*_: Any, **__: Any) -> Any:
+    raise NativeUnsupported("derivatives through native_scan; give the surrounding function a custom rule")
+
+
+batching.primitive_batchers[loop_p] = _batched
+ad.primitive_jvps[loop_p] = _no_derivative
+mlir.register_lowering(loop_p, mlir.lower_fun(_scan, multiple_results=True))
+mlir.register_lowering(loop_p, mlir.lower_fun(_run_or_scan, multiple_results=True), platform="cpu")
+
+
+@loop_p.def_impl
+def _apply(*operands: Any, **params: Any) -> list[Any]:
+    return jax.jit(lambda *a: loop_p.bind(*a, **params))(*operands)
+
+
+__all__ = ["Loop", "loop_p"]

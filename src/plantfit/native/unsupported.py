@@ -1,0 +1,13 @@
+"""What native code cannot do."""
+
+from plantfit.errors import PlantfitError
+
+
+class NativeUnsupported(PlantfitError):
+    """A loop body uses something that has no native form; `what` is the primitive or the reason."""
+
+    exit_code = 9
+
+    def __init__(self, what: str):
+        self.what = what
+        super().__init__(f"Native loops cannot do {what!r}; run this loop with jax.lax.scan instead (native_scan(..., fallback=True)).")

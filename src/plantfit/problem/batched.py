@@ -1,0 +1,208 @@
+"""A simulated problem as functions of a cube point, all records in one compiled loop.
+
+A record's residuals depend on its own coordinates only (the shared ones and those per recording), so
+that derivatives are taken in these q local coordinates; the zeros of a full Jacobian are never made.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.simulate.batch import Batch
+from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule
+from plantfit.simulate.simulator import Drive, Simulator
+from plantfit.space import Space
+
+import jax
+import jax.numpy as jnp
+
+WIDE = 64  # candidates that run side by side
+WIDE_GRADIENTS = 20
+
+
+class Numbers(NamedTuple):
+    """What compiled functions need and that is not compiled in; a pytree."""
+
+    single: Chunks  # one row, for one candidate: its loop has no vectors and is quickest
+    rows: Chunks
+    first_input: tuple[Any, ...]  # (L,)
+    first_output: tuple[Any, ...]  # (L,)
+    scale: tuple[Any, ...]  # per output
+
+
+@dataclass(frozen=True, eq=False)
+class Batched:
+    """The fitted parts of records under one simulator, as pure functions of (z, numbers)."""
+
+    simulator: Simulator
+    space: Space
+    names: tuple[str, ...]
+    single: Schedule
+    rows: Schedule
+    picked: tuple[tuple[np.ndarray, ...], ...]  # per record and output: flat places in `rows` of what is scored
+    local: np.ndarray  # (L, q) coordinates of every record
+
+    @classmethod
+    def of(
+        cls,
+        simulator: Simulator,
+        space: Space,
+        drives: Mapping[str, Drive],
+        index: Mapping[tuple[str, str], np.ndarray],
+        measured: Mapping[tuple[str, str], np.ndarray],
+    ) -> "Batched":
+        """`index` and `measured` give, for every record and output, the scored samples and their values."""
+        outputs, names = simulator.vector.outputs, tuple(drives)
+        ranges = tuple(_widened(space.range(d.parameter)) for d in simulator.vector.model.delays)
+        tracks = []
+        for name in names:
+            n = len(drives[name].t)
+            y, scored = [np.zeros(n) for _ in outputs], [np.zeros(n, bool) for _ in outputs]
+            for i, output in enumerate(outputs):
+                y[i][index[name, output]], scored[i][index[name, output]] = measured[name, output], True
+            tracks.append(Track(drives[name], tuple(y), tuple(scored), ranges))
+        linear = [c in simulator.interpolated for c in simulator.vector.model.inputs]
+        linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
+        single, rows = make_schedule(tracks, linear, rows=1), make_schedule(tracks, linear)
+        picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
+        local = np.array([[i for i, c in enumerate(space.coordinates) if c.recording in (None, name)] for name in names])
+        return cls(simulator, space, names, single, rows, picked, local.reshape(len(names), -1))
+
+    def with_simulator(self, simulator: Simulator) -> "Batched":
+        """The same records with other steps."""
+        return dataclasses.replace(self, simulator=simulator)
+
+    def numbers(self, drives: Mapping[str, Drive], scales: Mapping[str, float]) -> Numbers:
+        """The pytree that the functions below take."""
+        first = [drives[n] for n in self.names]
+        return Numbers(
+            self.single.chunks,
+            self.rows.chunks,
+            tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
+            tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
+            tuple(np.asarray(scales[o]) for o in self.simulator.vector.outputs),
+        )
+
+    @property
+    def local_dimension(self) -> int:
+        """Coordinates that the residuals of one recording are derived by."""
+        return self.local.shape[1]
+
+    @property
+    def count(self) -> int:
+        """Scored samples of all outputs."""
+        return sum(len(i) for record in self.picked for i in record)
+
+    # -- pure functions of a cube point -------------------------------------------------------------
+
+    def cost(self, z: Any, numbers: Numbers, *, single: bool = False, reverse: bool = False) -> Any:
+        """Mean squared scaled residual at a cube point (d,); differentiable only with `reverse`, and backwards."""
+        schedule = self.single if single else self.rows
+        p, x0 = self._start(z[self.local], numbers)
+        chunks = numbers.single if single else numbers.rows
+        squares = Batch(self.simulator, schedule.windows).squares(p, x0, chunks, reverse=reverse)
+        return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
+
+    def costs(self, zs: Any, numbers: Numbers) -> Any:
+        """Costs (n,) of cube points (n, d)."""
+        if zs.shape[0] == 1:
+            return self.cost(zs[0], numbers, single=True)[None]
+        return jax.lax.map(lambda z: self.cost(z, numbers), zs, batch_size=min(zs.shape[0], WIDE))
+
+    def values_and_gradients(self, zs: Any, numbers: Numbers) -> tuple[Any, Any]:
+        """Costs (n,) and gradients (n, d)."""
+        return jax.lax.map(
+            lambda z: jax.value_and_grad(self.cost)(z, numbers, reverse=True), zs, batch_size=min(zs.shape[0], WIDE_GRADIENTS)
+        )
+
+    def residuals(self, z: Any, numbers: Numbers) -> Any:
+        """Scaled residuals (m,), recording by recording, output by output."""
+        placed = [r.reshape(-1) / s for r, s in zip(self._placed(z[self.local], numbers), numbers.scale, strict=True)]
+        return jnp.concatenate([jnp.take(r, i) for record in self.picked for r, i in zip(placed, record, strict=True)])
+
+    def blocks(self, z: Any, numbers: Numbers) -> list[tuple[Any, Any]]:
+        """For every record its scaled residuals (m_k,) and their derivatives (m_k, q) by its local coordinates."""
+        batch = Batch(self.simulator, self.rows.windows)
+        r, columns = (self._pulled if batch.few_edges(numbers.rows) else self._pushed)(z[self.local], numbers)
+        return [
+            (
+                jnp.concatenate([jnp.take(a, i) for a, i in zip(r, record, strict=True)]),
+                jnp.concatenate([jnp.take(a, i, axis=0) @ by for a, i in zip(columns, record, strict=True)]),
+            )
+            for record, by in zip(self.picked, self._makers(z[self.local], numbers), strict=True)
+        ]
+
+    def _makers(self, local, numbers: Numbers):
+        """(L, e, q): derivatives of all entries of parameters and initial states by the local coordinates."""
+        if not Batch(self.simulator, self.rows.windows).few_edges(numbers.rows):
+            return jnp.broadcast_to(jnp.eye(local.shape[1]), (len(local), local.shape[1], local.shape[1]))
+
+        def flat(z, first_input, first_output):
+            return jnp.concatenate([jnp.ravel(a) for a in jax.tree.leaves(self._begin(z, first_input, first_output))])
+
+        return jax.vmap(jax.jacfwd(flat))(local, numbers.first_input, numbers.first_output)
+
+    def _pulled(self, local, numbers: Numbers):
+        """Per output: scaled residuals (MCR,) and derivatives (MCR, e) by all entries of parameters and initial states."""
+        p, x0 = self._start(local, numbers)
+        residuals, slopes = Batch(self.simulator, self.rows.windows).slopes(p, x0, numbers.rows)
+
+        def matrix(tree):
+            parts = [a.reshape(*a.shape[:3], -1) for a in jax.tree.leaves(tree)]  # (M, R, C, e)
+            return jnp.swapaxes(jnp.concatenate(parts, axis=-1), 1, 2)
+
+        return (
+            [r.reshape(-1) / s for r, s in zip(residuals, numbers.scale, strict=True)],
+            [(a := matrix(tree)).reshape(-1, a.shape[-1]) / s for tree, s in zip(slopes, numbers.scale, strict=True)],
+        )
+
+    def _pushed(self, local, numbers: Numbers):
+        """Per output: scaled residuals (MCR,) and derivatives (MCR, q) by the local coordinates, in forward mode."""
+
+        def along(direction):
+            moved = jnp.broadcast_to(direction, local.shape)
+            return jax.jvp(lambda v: self._placed(v, numbers), (local,), (moved,))
+
+        r, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(local.shape[1]))
+        return (
+            [a.reshape(-1) / s for a, s in zip(r, numbers.scale, strict=True)],
+            [a.reshape(local.shape[1], -1).T / s for a, s in zip(columns, numbers.scale, strict=True)],
+        )
+
+    def residuals_and_jacobian(self, z: Any, numbers: Numbers) -> tuple[Any, Any]:
+        """Residuals (m,) and dense derivatives (m, d)."""
+        blocks = self.blocks(z, numbers)
+        dense = [jnp.zeros((r.shape[0], self.space.dimension)).at[:, own].set(j) for (r, j), own in zip(blocks, self.local, strict=True)]
+        return jnp.concatenate([r for r, _ in blocks]), jnp.concatenate(dense)
+
+    # -- inside -------------------------------------------------------------------------------------
+
+    def _begin(self, z, first_input, first_output):
+        """Parameters and initial states of one record from its local coordinates (q,)."""
+        own = _local_space(self.space)
+        p = own.tree(own.physical(z))
+        return self.simulator.positional(p), self.simulator.initial(p, first_input, first_output)
+
+    def _start(self, local, numbers: Numbers):
+        """Parameters (L, ...) and initial states (L,) of all records, from local coordinates (L, q)."""
+        return jax.vmap(self._begin)(local, numbers.first_input, numbers.first_output)
+
+    def _placed(self, local, numbers: Numbers):
+        p, x0 = self._start(local, numbers)
+        return Batch(self.simulator, self.rows.windows).residuals(p, x0, numbers.rows)
+
+
+def _local_space(space: Space) -> Space:
+    """The coordinates of one record, in the order in which they stand in the whole space."""
+    return Space({n: dataclasses.replace(p, per_recording=False) for n, p in space.parameters.items()})
+
+
+def _widened(bounds: tuple[float, float]) -> tuple[float, float]:
+    """A little more, for rounding."""
+    low, high = bounds
+    margin = 1e-9 * (high - low)
+    return low - margin, high + margin

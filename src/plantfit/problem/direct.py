@@ -1,0 +1,81 @@
+"""A problem as functions of a cube point, record by record: for regressions, static models and whatever has no chunks of steps."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.compress import mean_square
+from plantfit.problem.predictor import Predictor
+from plantfit.space import Space
+
+import jax
+import jax.numpy as jnp
+
+MEMORY = 1 << 30  # bytes that one batch of candidates may take
+
+
+@dataclass(frozen=True, eq=False)
+class Direct:
+    """Pure functions of (z, data); `data` is `Problem.data`."""
+
+    predictor: Predictor
+    space: Space
+    outputs: tuple[str, ...]
+
+    @property
+    def local_dimension(self) -> int:
+        """Coordinates that the residuals of one recording are derived by."""
+        return self.space.dimension
+
+    def residuals(self, z: Any, data: Any) -> Any:
+        """Scaled residuals (m,), simulated minus measured; recording by recording, output by output."""
+        values = self.space.physical(z)
+        parts = []
+        for name, drive in data["drive"].items():
+            y = self.predictor.outputs(self.space.tree(values, name), drive)
+            for output in self.outputs:
+                picked = jnp.take(y[output], data["index"][name][output])
+                parts.append((picked - data["measured"][name][output]) / data["scale"][output])
+        return jnp.concatenate(parts)
+
+    def cost(self, z: Any, data: Any) -> Any:
+        """Mean of the squared scaled residuals at a cube point (d,); of a regression without looking at its samples again."""
+        if "triangles" not in data:
+            return jnp.mean(self.residuals(z, data) ** 2)
+        values = self.space.physical(z)
+        squares, count = 0.0, 0.0
+        for name, triangle in data["triangles"].items():
+            p = self.space.tree(values, name)
+            base = jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.predictor.model.parameters])
+            squares, count = squares + triangle.n * mean_square(triangle, base), count + triangle.n
+        return squares / (count * data["scale"][self.outputs[0]] ** 2)
+
+    def costs(self, zs: Any, data: Any) -> Any:
+        """Costs (n,) of cube points (n, d)."""
+        row_bytes = 8 * 8 * sum(x.size for x in jax.tree.leaves(data["drive"])) * max(1, self.predictor.rows)
+        return jax.lax.map(lambda z: self.cost(z, data), zs, batch_size=max(1, min(zs.shape[0], MEMORY // row_bytes)))
+
+    def values_and_gradients(self, zs: Any, data: Any) -> tuple[Any, Any]:
+        """Costs (n,) and gradients (n, d)."""
+        return jax.lax.map(lambda z: jax.value_and_grad(self.cost)(z, data), zs)
+
+    def residuals_and_jacobian(self, z: Any, data: Any) -> tuple[Any, Any]:
+        """Residuals (m,) and dense derivatives (m, d)."""
+
+        def once(z):
+            r = self.residuals(z, data)
+            return r, r
+
+        jacobian, r = jax.jacfwd(once, has_aux=True)(z)
+        return r, jacobian
+
+    def blocks(self, z: Any, data: Any) -> list[tuple[Any, Any]]:
+        """Residuals and derivatives in one block, by all coordinates."""
+        return [self.residuals_and_jacobian(z, data)]
+
+    @property
+    def local(self) -> np.ndarray:
+        """Coordinates of every block (1, d)."""
+        return np.arange(self.space.dimension)[None, :]

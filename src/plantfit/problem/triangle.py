@@ -1,0 +1,36 @@
+"""Many rows of a least-squares problem in few: the triangle of a QR decomposition.
+
+By numpy, not inside a compiled program: jax (0.10) runs batches of QR on the pool of threads that the
+program itself runs on, and two of them at once wait for each other for ever.
+"""
+
+import numpy as np
+
+ROWS = 512  # of the pieces that are reduced first, so that they stay in the cache
+TINY = 1e-200  # below it numbers only slow the arithmetic down: their squares are not even denormal
+
+
+def triangle(rows: np.ndarray) -> np.ndarray:
+    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN gives NaN."""
+    m, n = rows.shape
+    if not np.all(np.isfinite(rows)):
+        return np.full((min(m, n), n), np.nan)
+    rows = np.where(np.abs(rows) < TINY, 0.0, rows)
+    if m > 2 * ROWS and n < ROWS // 4:
+        rows = np.concatenate([np.linalg.qr(part, mode="r") for part in np.array_split(rows, -(-m // ROWS))])
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def compressed(blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (k,) and derivatives (k, d) with the same mean square, gradient and Gauss-Newton matrix as those of `blocks`.
+
+    A block is residuals (m,), derivatives (m, q) and the q coordinates that they are by; k is about q + 1 for each block.
+    """
+    r, jacobian = [], []
+    for residuals, derivatives, own in blocks:
+        small = triangle(np.column_stack([derivatives, residuals]))
+        r.append(small[:, -1])
+        jacobian.append(np.zeros((len(small), dimension)))
+        jacobian[-1][:, own] = small[:, :-1]
+    factor = np.sqrt(sum(map(len, r)) / sum(len(b[0]) for b in blocks))
+    return factor * np.concatenate(r), factor * np.concatenate(jacobian)

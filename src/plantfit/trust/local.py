@@ -1,0 +1,58 @@
+"""A problem linearised at an answer: covariance, bounds that hold, directions that stay open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.problem import Problem
+from plantfit.trust.covariance import Block, covariance, normal_matrix
+from plantfit.trust.directions import Direction, flat_directions
+
+import jax
+import jax.numpy as jnp
+
+EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+
+
+@dataclass(frozen=True)
+class Local:
+    """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    standard_error: np.ndarray
+    at_bound: tuple[str | None, ...]
+    directions: tuple[Direction, ...]
+
+
+def linearise(problem: Problem, z: np.ndarray) -> Local:
+    """Covariance and flat directions at the cube point z (d,)."""
+    space, blocks = problem.space, _blocks(problem)
+    residuals, jacobian = problem.residuals_and_jacobian(z)
+    gradient = jacobian.T @ residuals
+    lower, upper = (z <= EDGE) & (gradient >= 0), (z >= 1 - EDGE) & (gradient <= 0)
+    free = ~(lower | upper)
+    cube = covariance(jacobian, residuals, blocks, free)
+    values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
+    values, slope = np.asarray(values), np.asarray(slope)
+    physical = cube * slope[:, None] * slope[None, :]
+    variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
+    information = normal_matrix(jacobian, blocks) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
+    on = np.flatnonzero(free)
+    directions = flat_directions(
+        information[np.ix_(on, on)], values[on], (space.upper - space.lower)[on], tuple(space.names[i] for i in on)
+    )
+    bound = tuple("lower" if a else "upper" if b else None for a, b in zip(lower, upper, strict=True))
+    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions))
+
+
+def _blocks(problem: Problem) -> list[Block]:
+    blocks, start = [], 0
+    for name in problem.data["drive"]:
+        for output in problem.outputs:
+            index = problem.data["index"][name][output]
+            if len(index):
+                blocks.append(Block(slice(start, start + len(index)), index))
+            start += len(index)
+    return blocks

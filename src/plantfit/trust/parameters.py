@@ -1,0 +1,105 @@
+"""Rows of the findings record on parameters, entry by entry, and on the tables that entries belong to."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.models.model import Model
+from plantfit.problem.problem import Problem
+from plantfit.space import Coordinate, Parameter, Space
+from plantfit.trust.local import Local
+
+Row = dict[str, Any]
+
+
+def parameter_rows(space: Space, local: Local) -> list[Row]:
+    """Free coordinates in the order of the space, then every fixed entry."""
+    rows = [_free(c, local, i) for i, c in enumerate(space.coordinates)]
+    for name, p in space.parameters.items():
+        if p.value is not None and p.tied is None:
+            values = np.broadcast_to(np.asarray(p.value, dtype=float), p.shape)
+            rows += [_fixed(name, p, index, float(values[index])) for index in np.ndindex(p.shape)]
+    return rows
+
+
+def table_rows(problem: Problem, rows: Sequence[Row]) -> list[Row]:
+    """One for each parameter with a shape and each recording that has its own; entries flat in row-major order."""
+    found: dict[tuple[str, str | None], list[Row]] = {}
+    for row in rows:
+        if row["index"]:
+            found.setdefault((row["parameter"], row["recording"]), []).append(row)
+    axes = {t.name: t for t in getattr(problem.model, "tables", ())}
+    units = _signal_units(problem.model)
+    result = []
+    for (name, recording), entries in found.items():
+        table, shape = axes.get(name), problem.space.parameters[name].shape
+        over = list(table.over) if table else [f"entry {k}" for k in range(len(shape))]
+        result.append(
+            {
+                "name": name,
+                "unit": entries[0]["unit"],
+                "over": over,
+                "over_units": [units.get(signal) for signal in over],
+                "nodes": [list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
+                "recording": recording,
+                **{key + "s" * (key == "value"): [e[key] for e in entries] for key in ("value", "low", "high", "status")},
+            }
+        )
+    return result
+
+
+def _free(c: Coordinate, local: Local, i: int) -> Row:
+    value, error, bound = float(local.values[i]), float(local.standard_error[i]), local.at_bound[i]
+    return {
+        "name": c.name,
+        "parameter": c.parameter,
+        "recording": c.recording,
+        "index": list(c.index),
+        "unit": c.unit,
+        "value": value,
+        "standard_error": None if bound else error,
+        "low": None if bound else max(value - 1.96 * error, c.lower),
+        "high": None if bound else min(value + 1.96 * error, c.upper),
+        "lower_bound": c.lower,
+        "upper_bound": c.upper,
+        "scale": "log" if c.log else "linear",
+        "at_bound": bound,
+        "status": "at bound" if bound else _status(c, value, error),
+    }
+
+
+def _status(c: Coordinate, value: float, error: float) -> str:
+    """How well the data fix a value, by its standard error against the box and against the value."""
+    relative = error / max(abs(value), 1e-300)
+    share = relative / np.log(c.upper / c.lower) if c.log else error / (c.upper - c.lower)
+    if share > 0.2:
+        return "flat"
+    return "weak" if share > 0.05 and relative > 0.25 else "determined"
+
+
+def _fixed(name: str, p: Parameter, index: tuple[int, ...], value: float) -> Row:
+    return {
+        "name": f"{name}[{','.join(map(str, index))}]" if index else name,
+        "parameter": name,
+        "recording": None,
+        "index": list(index),
+        "unit": p.unit,
+        "value": value,
+        "standard_error": None,
+        "low": None,
+        "high": None,
+        "lower_bound": None,
+        "upper_bound": None,
+        "scale": p.scale,
+        "at_bound": None,
+        "status": "fixed",
+    }
+
+
+def _signal_units(model: Any) -> Mapping[str, str | None]:
+    """Units of what tables may be over: signals, their delayed copies, time."""
+    if not isinstance(model, Model):
+        return {}
+    late = {d.channel: model.inputs[d.input] for d in model.delays} | {d.channel: model.states[d.state] for d in model.state_delays}
+    return {"t": "s", **late, **model.outputs, **model.states, **model.inputs}

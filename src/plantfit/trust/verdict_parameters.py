@@ -1,0 +1,121 @@
+"""What the verdict says about parameters: one sentence each for a few, one for all entries of a table."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.trust.words import FEW, Sentence, estimate, number, say, some, span, with_unit
+
+Row = Mapping[str, Any]
+LISTED = 8  # estimates in one sentence
+
+
+def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """Which parameters the data determine, and which not."""
+    free = [p for p in findings["parameters"] if p["status"] != "fixed"]
+    single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
+    yield from _determined(single, free)
+    for name in dict.fromkeys(p["parameter"] for p in entries):
+        yield _table([p for p in entries if p["parameter"] == name], findings.get("tables", ()))
+    for status, one, many in (("weak", _weak, _weaks), ("flat", _flat, _flats), ("at bound", _bound, _bounds)):
+        rows = [p for p in single if p["status"] == status]
+        for name in dict.fromkeys(p.get("parameter", p["name"]) for p in rows):
+            own = [p for p in rows if p.get("parameter", p["name"]) == name]
+            yield from (one(p) for p in own) if len(own) <= FEW else (many(name, own),)
+
+
+def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence]:
+    good, total = [p for p in free if p["status"] == "determined"], len(free)
+    if not good:
+        return
+    named = [p for p in single if p["status"] == "determined"]
+    listed = ", ".join(estimate(dict(p)) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    text = f"The data determine {len(good)} of {total} parameters" + (f": {listed}." if listed else ".")
+    yield say("good" if len(good) == total else "info", text, determined=len(good))
+
+
+_OPEN = {"weak": "only roughly known", "flat": "not determined", "at bound": "on a bound"}
+
+
+def _table(rows: Sequence[Row], tables: Sequence[Row]) -> Sentence:
+    """One sentence on all entries of a table, of all recordings."""
+    name, total = rows[0]["parameter"], len(rows)
+    count = {s: sum(p["status"] == s for p in rows) for s in ("determined", *_OPEN)}
+    good = count["determined"]
+    if good == total:
+        return say("good", f"All {total} entries of table {name} are determined by the data.", determined=good)
+    left = [f"{count[s]} {'is' if count[s] == 1 else 'are'} {word} ({_entries(rows, s)})" for s, word in _OPEN.items() if count[s]]
+    text = f"{good} of {total} entries of table {name} are determined by the data; {', '.join(left)}.{_place(name, tables)}"
+    return say("bad" if 2 * good < total else "warning", text, determined=good, open=total - good)
+
+
+def _entries(rows: Sequence[Row], status: str) -> str:
+    """The entries of this status by name, those of several recordings by number."""
+    own = [p for p in rows if p["status"] == status]
+    recordings = list(dict.fromkeys(p["recording"] for p in own))
+    if recordings == [None]:
+        return some([p["name"] for p in own])
+    if len(recordings) == 1:
+        return f"in {recordings[0]}"
+    return some([f"{sum(p['recording'] == r for p in own)} in {r}" for r in recordings])
+
+
+def _place(name: str, tables: Sequence[Row]) -> str:
+    """At which operating points no recording determines the entry; nothing where these are the whole range."""
+    own = [t for t in tables if t["name"] == name]
+    if not own:
+        return ""
+    first, parts = own[0], []
+    shape = tuple(len(nodes) for nodes in first["nodes"])
+    open_everywhere = np.all([[s == "flat" for s in t["status"]] for t in own], axis=0).reshape(shape)
+    for signal, unit, nodes, at in zip(first["over"], first["over_units"], first["nodes"], np.nonzero(open_everywhere), strict=True):
+        points = [nodes[k] for k in at]
+        if points and (min(points), max(points)) != (nodes[0], nodes[-1]):
+            parts.append(f"{signal} of {span(points, unit)}")
+    who = "No recording tells enough" if len(own) > 1 else "The data tell too little"
+    return f" {who} at {' and '.join(parts)}." if parts else ""
+
+
+def _weak(p: Row) -> Sentence:
+    text = f"{p['name']} is only roughly known: {estimate(dict(p))}."
+    return say("warning", text, value=p["value"], standard_error=p["standard_error"])
+
+
+def _weaks(name: str, rows: Sequence[Row]) -> Sentence:
+    values = span([p["value"] for p in rows], rows[0]["unit"])
+    text = f"{name} is only roughly known in {len(rows)} recordings ({_recordings(rows)}): {values}."
+    return say("warning", text, recordings=len(rows))
+
+
+def _flat(p: Row) -> Sentence:
+    text = (
+        f"{p['name']} is not determined: the data allow nearly the whole range from {number(p['lower_bound'])} "
+        f"to {with_unit(p['upper_bound'], p['unit'])}."
+    )
+    return say("bad", text, value=p["value"])
+
+
+def _flats(name: str, rows: Sequence[Row]) -> Sentence:
+    text = f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow nearly the whole range."
+    return say("bad", text, recordings=len(rows))
+
+
+def _bound(p: Row) -> Sentence:
+    text = (
+        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it further. "
+        "Widen the bound if physics allows, else take it out of the model."
+    )
+    return say("warning", text, value=p["value"])
+
+
+def _bounds(name: str, rows: Sequence[Row]) -> Sentence:
+    text = (
+        f"{name} ended on a bound in {len(rows)} recordings ({_recordings(rows)}): the data pull it further. "
+        "Widen the bounds if physics allows, else take it out of the model."
+    )
+    return say("warning", text, recordings=len(rows))
+
+
+def _recordings(rows: Sequence[Row]) -> str:
+    return some([str(p["recording"]) for p in rows])

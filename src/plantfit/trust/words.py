@@ -1,0 +1,61 @@
+"""How sentences of the verdict are made: levels, numbers with units, lists that stay short."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+Sentence = dict[str, Any]
+
+FEW = 3  # recordings, or parameters of one kind, that get a sentence each; more are grouped
+NAMED = 4  # names in a list before "and 7 more"
+_ORDER = ("good", "info", "warning", "bad")
+
+
+def say(level: str, sentence: str, **figures: float) -> Sentence:
+    """One sentence of the verdict."""
+    return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}
+
+
+def worst(levels: Iterable[str]) -> str:
+    """The gravest of several levels."""
+    return max(levels, key=_ORDER.index)
+
+
+def number(value: float) -> str:
+    """Three significant digits."""
+    return f"{value:.3g}"
+
+
+def with_unit(value: float, unit: str | None) -> str:
+    """A number with its unit."""
+    return f"{number(value)} {unit}" if unit and unit not in ("1", "") else number(value)
+
+
+def span(values: Sequence[float], unit: str | None) -> str:
+    """`0.1 to 0.3 V`, or one number when both ends read the same."""
+    low, high = min(values), max(values)
+    return with_unit(low, unit) if number(low) == number(high) else f"{number(low)} to {with_unit(high, unit)}"
+
+
+def some(names: Sequence[str], most: int = NAMED) -> str:
+    """`a, b and c`; of a long list the first, and how many more."""
+    if len(names) > most:
+        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def estimate(p: dict[str, Any]) -> str:
+    """`R = 2.31 ± 0.04 ohm`, rounded by the standard error."""
+    error = p["standard_error"]
+    if not error:
+        return f"{p['name']} = {with_unit(p['value'], p['unit'])}"
+    digits = max(0, 1 - int(np.floor(np.log10(error)))) if error < 10 else 0
+    if p["value"] and (abs(p["value"]) < 1e-3 or abs(p["value"]) >= 1e5):
+        power = int(np.floor(np.log10(abs(p["value"]))))
+        scaled = error / 10.0**power
+        digits = max(0, 1 - int(np.floor(np.log10(scaled))))
+        body = f"({p['value'] / 10.0**power:.{digits}f} ± {scaled:.{digits}f})e{power}"
+    else:
+        body = f"{p['value']:.{digits}f} ± {error:.{digits}f}"
+    return f"{p['name']} = {body} {p['unit'] or ''}".rstrip()

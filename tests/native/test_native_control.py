@@ -1,0 +1,146 @@
+"""Loops and branches inside the body, where lanes take their own way."""
+
+import numpy as np
+import pytest
+
+import plantfit.runtime  # noqa: F401
+from plantfit.native import native_scan
+
+# isort: split
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+XS = jnp.linspace(0.1, 3.0, 9)
+
+
+def compare(body, carry, xs=XS, rtol=1e-13):
+    """Native against lax: one lane, uniform data with a batch of carries, and a batch of data."""
+    batch = jax.tree.map(
+        lambda v: jnp.stack([v * (1 + 0.1 * k) if v.dtype == float else v for k in range(19)]), jax.tree.map(jnp.asarray, carry)
+    )
+    cases = [
+        (lambda f: f, carry, xs),
+        (lambda f: jax.vmap(f, (0, None)), batch, xs),
+        (lambda f: jax.vmap(f, (None, -1)), carry, _spread(xs)),
+    ]
+    for over, c, x in cases:
+        a = jax.jit(over(lambda c, x: native_scan(body, c, x, keep=True)))(c, x)
+        b = jax.jit(over(lambda c, x: lax.scan(body, c, x)))(c, x)
+        for m, n in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            np.testing.assert_allclose(m, n, rtol=rtol, atol=1e-14)
+
+
+def _spread(xs):
+    return jax.tree.map(lambda v: jnp.stack([v * (1 + 0.07 * k) for k in range(11)], -1), xs)
+
+
+def test_newton_iterations_end_lane_by_lane():
+    def root(a):
+        def step(s):
+            x, n = s
+            return 0.5 * (x + a / x), n + 1
+
+        return lax.while_loop(lambda s: (jnp.abs(s[0] ** 2 - a) > 1e-12 * a) & (s[1] < 60), step, (1.0 + a, 0))
+
+    compare(lambda c, x: ((c + root(x + c)[0]) * 0.5, root(x)), 1.0)
+
+
+def test_while_with_a_carried_array():
+    def body(c, x):
+        def step(s):
+            table, i = s
+            return table.at[i % 4].add(x * i), i + 1
+
+        table, i = lax.while_loop(lambda s: (s[1] < 6) & (jnp.sum(s[0]) < 20 + 10 * x), step, (c, 0))
+        return table * 0.5, (i, table)
+
+    compare(body, jnp.arange(4.0))
+
+
+def test_nested_while():
+    def body(c, x):
+        def outer(s):
+            a, k = s
+            b, _ = lax.while_loop(lambda t: t[0] < a + 1.0, lambda t: (t[0] * 1.5 + 0.1, t[1] + 1), (0.2 * x, 0))
+            return a + 0.3 * b, k + 1
+
+        a, k = lax.while_loop(lambda s: (s[0] < 4.0) & (s[1] < 8), outer, (c, 0))
+        return 0.1 * a, (a, k)
+
+    compare(body, 0.3)
+
+
+def test_while_that_never_runs():
+    compare(lambda c, x: (lax.while_loop(lambda s: s > 1e9, lambda s: s * 2, c + x), x), 0.5)
+
+
+def test_loops_of_fixed_length():
+    def body(c, x):
+        c = lax.fori_loop(0, 12, lambda i, s: 0.9 * s + 0.01 * i * x, c)
+        total, rows = lax.scan(lambda s, w: (s + w * c, s), 0.0, jnp.arange(5.0) * x)
+        back, _ = lax.scan(lambda s, w: (0.5 * s + w, None), 0.0, rows, reverse=True)
+        return c, (total, rows, back)
+
+    compare(body, 0.4)
+
+
+def test_loop_with_runtime_bounds():
+    compare(lambda c, x: (lax.fori_loop(0, (x * 3).astype(int), lambda i, s: s + jnp.sin(s) * i / 9, c) * 0.1, c), 0.4, rtol=1e-11)
+
+
+def test_inner_scan_over_matrix_with_array_carry():
+    def body(c, x):
+        m = jnp.outer(c, c + x)
+        last, rows = lax.scan(lambda s, row: (0.5 * s + row, jnp.dot(row, s)), c, m)
+        return 0.3 * last, rows
+
+    compare(body, jnp.asarray([0.1, 0.2, -0.3]))
+
+
+@pytest.mark.parametrize("which", ["carry", "data", "constant"])
+def test_branches(which):
+    def body(c, x):
+        index = {"carry": c, "data": x, "constant": jnp.asarray(1.0)}[which]
+        y = lax.cond(index > 0.9, lambda a: jnp.exp(-a) + x, lambda a: a * 0.5, c)
+        z, i = lax.switch((index * 2).astype(int), [lambda: (x, 1), lambda: (c + 1.0, 2), lambda: (y * y, 3)])
+        return 0.7 * c + 0.3 * y, (y, z, i)
+
+    compare(body, 0.8)
+
+
+def test_branch_with_arrays_and_a_loop():
+    def body(c, x):
+        def heavy(t):
+            i = lax.while_loop(lambda i: (i < 9) & (t[i % 3] + i < 4 * x), lambda i: i + 1, 0)
+            return t.at[i % 3].add(1.0)
+
+        t = lax.cond(c[0] + x > 1.5, heavy, lambda t: t * 0.5, c)
+        return t * 0.9, t
+
+    compare(body, jnp.asarray([0.2, 0.4, 0.8]))
+
+
+def test_branches_under_a_running_loop():
+    def body(c, x):
+        def step(s):
+            a, n = s
+            return lax.cond(a > 2.0, lambda a: a * 0.4, lambda a: a + x, a), n + 1
+
+        return lax.while_loop(lambda s: s[1] < (x * 4).astype(int), step, (c, 0))[0], c
+
+    compare(body, 0.6)
+
+
+def test_collatz_counts():
+    def steps(n):
+        return lax.while_loop(lambda s: s[0] != 1, lambda s: (jnp.where(s[0] % 2 == 0, s[0] // 2, 3 * s[0] + 1), s[1] + 1), (n, 0))[1]
+
+    found = jax.jit(jax.vmap(lambda n: native_scan(lambda c, _: (c, steps(c)), n, None, length=1, keep=True)[1][0]))(jnp.arange(1, 31))
+    true = []
+    for n in range(1, 31):
+        count = 0
+        while n != 1:
+            n, count = (n // 2 if n % 2 == 0 else 3 * n + 1), count + 1
+        true.append(count)
+    assert found.tolist() == true

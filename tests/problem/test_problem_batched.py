@@ -1,0 +1,119 @@
+"""All records in one compiled loop, against a plain loop without jax, and against record by record."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from problem_batched_plants import Case, direct, plain_residuals, points
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.batched import Batched
+from plantfit.space import Parameter
+
+import jax
+
+QUICK = {"xla_backend_optimization_level": 0}  # these programs run once: most of the time is their compilation
+OWN = Parameter((-1.0, 1.0), per_recording=True)
+LOG = Parameter((0.05, 0.5), scale="log")
+CASES = {
+    "one record": Case(substeps=3),
+    "one late input, new at every sample": Case((9, 150, 70), irregular=True, delays=1, dense=True, outputs="direct", missing=True),
+    "interpolated, many substeps": Case((64, 130, 65), dense=True, hold="linear", substeps=12, parameters={"x0": OWN, "T1": LOG}),
+    "seven records, two late edges": Case(
+        (1, 2, 63, 64, 65, 200, 30), irregular=True, delays=2, outputs="direct", parameters={"x0": OWN, "off": OWN, "a": 0.1}
+    ),
+    "two delays, interpolated": Case((40, 90), irregular=True, delays=2, dense=True, hold="linear", outputs="direct"),
+    "seven records, table": Case(
+        (20, 150, 64, 7, 90, 128, 129), table=True, parameters={"T1": LOG, "c": Parameter(tied="a")}
+    ),
+    "table, one late edge, interpolated": Case((150, 40), delays=1, hold="linear", table=True, fit_to=0.5),
+    "rosenbrock": Case((70,), delays=1, dense=True, hold="linear", stepper="rosenbrock", outputs="direct"),
+    "rk4": Case((80, 30), delays=2, stepper="rk4", substeps=3, parameters={"Te": Parameter(tied="Td")}),
+}  # fmt: skip
+SOME = ["one late input, new at every sample", "interpolated, many substeps", "seven records, table"]
+each_case, some_cases = pytest.mark.parametrize("name", CASES), pytest.mark.parametrize("name", SOME)
+
+
+@cache
+def prepared(name) -> SimpleNamespace:
+    """Case, problem, three cube points, `call(function, z)` of the batch and `plain(function, z)` record by record."""
+    case = CASES[name]
+    problem = case.problem()
+    batched, one_by_one = problem._functions, direct(problem)
+    assert isinstance(batched, Batched)
+
+    @cache
+    def jitted(owner, function):
+        return jax.jit(getattr(owner, function), compiler_options=QUICK)
+
+    return SimpleNamespace(
+        case=case,
+        problem=problem,
+        zs=points(problem, 3),
+        call=lambda function, z: jitted(batched, function)(z, problem.arguments),
+        plain=lambda function, z: jitted(one_by_one, function)(z, problem.data),
+    )
+
+
+def close(actual, expected, tolerance):
+    expected = np.asarray(expected)
+    np.testing.assert_allclose(actual, expected, rtol=tolerance, atol=tolerance * np.max(np.abs(expected)))
+
+
+@each_case
+def test_residuals_have_order_and_values_of_a_plain_loop(name):
+    q = prepared(name)
+    for z in q.zs:
+        close(q.call("residuals_and_jacobian", z)[0], plain_residuals(q.case, q.problem, z), 1e-11)
+
+
+@each_case
+def test_jacobian_is_the_slope_of_the_plain_loop(name):
+    q = prepared(name)
+    jacobian = q.call("residuals_and_jacobian", q.zs[1])[1]
+    for move in np.random.default_rng(1).normal(size=(2, q.zs.shape[1])):
+        there, here = (plain_residuals(q.case, q.problem, q.zs[1] + h * move) for h in (1e-5, -1e-5))
+        close(jacobian @ move, (there - here) / 2e-5, 1e-6)
+
+
+@each_case
+def test_costs_of_several(name):
+    q = prepared(name)
+    close(q.call("costs", q.zs), [np.mean(plain_residuals(q.case, q.problem, z) ** 2) for z in q.zs], 1e-11)
+
+
+@pytest.mark.parametrize("name", [*SOME, "seven records, two late edges"])
+def test_cost_of_one_runs_in_one_row(name):
+    q = prepared(name)
+    assert q.problem._functions.single.rows == 1
+    close(q.call("costs", q.zs[1:2]), [np.mean(plain_residuals(q.case, q.problem, q.zs[1]) ** 2)], 1e-11)
+
+
+@pytest.mark.parametrize("name", ["one record", *SOME[:2], "seven records, two late edges", "table, one late edge, interpolated", "rk4"])
+def test_gradients(name):
+    q = prepared(name)
+    f, g = q.call("values_and_gradients", q.zs)
+    for k, z in enumerate(q.zs):
+        r, jacobian = map(np.asarray, q.call("residuals_and_jacobian", z))
+        assert float(f[k]) == pytest.approx(np.mean(r**2), rel=1e-11)
+        close(g[k], 2.0 / len(r) * jacobian.T @ r, 1e-9)
+
+
+@some_cases
+def test_residuals_and_jacobian_equal_those_record_by_record(name):
+    q = prepared(name)
+    for own, plain in zip(q.call("residuals_and_jacobian", q.zs[0]), q.plain("residuals_and_jacobian", q.zs[0]), strict=True):
+        close(own, plain, 1e-10)
+
+
+@some_cases
+def test_few_rows_keep_mean_square_gradient_and_gauss_newton_matrix(name):
+    q = prepared(name)
+    r, jacobian = map(np.asarray, q.call("residuals_and_jacobian", q.zs[2]))
+    few, own = q.problem.compressed(q.zs[2])
+    assert own.shape == (len(few), q.zs.shape[1])
+    assert len(few) <= len(q.case.lengths) * (q.zs.shape[1] + 1)
+    close(few @ few / len(few), r @ r / len(r), 1e-10)
+    close(own.T @ few / len(few), jacobian.T @ r / len(r), 1e-9)
+    close(own.T @ own / len(few), jacobian.T @ jacobian / len(r), 1e-9)
