@@ -305,4 +305,4 @@ def _experiment(name: str, r: RecordingTable, path: Path) -> Experiment:
         raise SpecError(
             f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
         )
-    return Experiment(record, fit, unseen, r.skip, r.before)
+    return Experiment(record, fit, unseen, r.skip, r.before, r.steady)

@@ -47,6 +47,41 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     assert json.loads(far.out)["rmse"]["T"] > 5
 
 
+def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, monkeypatch):
+    at = ("--at", "tau=12", "--at", "L=2.7")
+    said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--json")
+    coarse = json.loads(said.out)["verify"][0]
+    said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--tolerance", str(coarse["max_error"] / 3), "--json")
+    fine = json.loads(said.out)["verify"][0]
+    assert fine["max_error"] < coarse["max_error"] / 3
+    assert fine["substeps"] > coarse["substeps"]
+    said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at)
+    assert "at tau=12, L=2.7" in said.out
+    assert "against the tight solver: bench, T within" in " ".join(said.out.split())
+
+
+@pytest.mark.parametrize(
+    ("at", "said"), [("tua=3", "no free parameter 'tua'"), ("tau=many", "write name=value"), ("tau=-5", "outside its bounds")]
+)
+def test_check_refuses_values_in_one_sentence(folder, capsys, monkeypatch, at, said):
+    answer = call(capsys, monkeypatch, "check", "heater.toml", "--verify", "--at", at)
+    assert answer.code != 0
+    assert said in " ".join(answer.err.split())
+    assert "Traceback" not in answer.err
+
+
+def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
+    (folder / "curve.csv").write_text("u [%],T [degC]\n" + "\n".join(f"{u},{21 + 0.8 * u}" for u in range(0, 60, 5)))
+    text = (folder / "heater.toml").read_text()
+    extra = '\n[recording.curve]\nfile = "curve.csv"\nperiod = 1.0\nsteady = true\nsignals = { u = "u [%]", T = "T [degC]" }\n'
+    (folder / "both.toml").write_text(text + extra)
+    said = call(capsys, monkeypatch, "run", "both.toml", "--json")
+    assert said.code == 0, said.err
+    found = {p["name"]: p for p in json.loads(said.out)["parameters"]}
+    assert abs(found["K"]["value"] - 0.8) < 0.002
+    assert {s["recording"] for s in json.loads(said.out)["scores"]} == {"bench", "curve"}
+
+
 def test_init_writes_a_study_that_runs(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml")
     assert said.code == 0, said.err

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from shooting_plants import LAG, LORENZ, OSCILLATION, PENDULUM, balanced, chaos, lag, lag_recording, oscillation
 
+from plantfit import fit
 from plantfit.errors import SearchError
 from plantfit.models.model import Declared, Model
 from plantfit.optimize import minimise
@@ -41,6 +42,14 @@ def test_an_oscillation_over_fifty_periods_is_found_from_anywhere():
     tries = [problem.space.cube([w, 0.003, -1.0]) for w in (4.0, 6.0)] + list(starts(problem, 8))
     assert sum(cost(problem, shooting.start(z)) < 1.02 * floor for z in tries) == 10
     assert sum(cost(problem, plain_fit(problem, z)) < 10 * floor for z in tries) == 0
+
+
+def test_fit_with_shooting_ends_at_the_floor():
+    problem = oscillation()
+    floor = cost(problem, problem.space.cube(list(OSCILLATION.values())))
+    answer = fit(problem, shooting=100, seed=1)
+    assert answer.best.cost < 1.01 * floor
+    assert answer.best.method == "least_squares"
 
 
 def test_a_balanced_pendulum_is_found_where_single_shooting_runs_away():

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from plantfit.native.arithmetic import Arithmetic, span
-from plantfit.native.graph import BOOL, I32, I64, Node
+from plantfit.native.graph import BOOL, F64, I32, I64, Node
 from plantfit.native.unsupported import NativeUnsupported
-from plantfit.native.values import Value, array_of, entries, in_memory, load, store
+from plantfit.native.values import Pending, Value, array_of, entries, in_memory, load, store
 
 
 def _true(m: Arithmetic) -> Node:
@@ -127,10 +127,40 @@ def _fill(dtype: str, value: Any) -> Any:
     ]
 
 
-def scatter(m: Arithmetic, value: Value, indices: Value, updates: Value, *, dimension_numbers: Any, mode: Any, how: str, **_: Any) -> Value:
-    """lax.scatter ("set") and scatter_add ("add"), entry by entry in order; windows out of range are dropped."""
+def scatter(m: Arithmetic, value: Value, indices: Value, updates: Value, *, how: str, **params: Any) -> Value | Pending:
+    """lax.scatter ("set") and scatter_add ("add"), entry by entry in order; windows out of range are dropped.
+
+    What is added to zeros stays pending.
+    """
+    if how not in ("add", "set"):
+        raise NativeUnsupported(f"scatter_{how}")
+    targets = _targets(m, value.shape, indices, updates, **params)
+    if how == "add" and _nothing(value):
+        shape = value.shape
+        sums = []
+        for starts, steps, new, inside in targets:
+            moved = [m.add(s, m.integer(k, s.dtype)) for s, k in zip(starts, steps, strict=True)]
+            sums.append((_flat(m, moved, shape), new, inside))
+        return Pending(shape, tuple(sums))
+    for starts, steps, new, inside in targets:
+        if how == "add":
+            old = _read(m, value, starts, steps)
+            new = m.op("or", old, new) if old.dtype == BOOL else m.add(old, new)
+        value = _write(m, value, starts, steps, new, inside)
+    return value
+
+
+def _nothing(value: Value) -> bool:
+    """Whether an array is known to be zeros of float64."""
+    return (
+        isinstance(value, np.ndarray) and value.size > 0 and all(n.op == "const" and n.dtype == F64 and n.data == 0.0 for n in value.flat)
+    )
+
+
+def _targets(m: Arithmetic, shape: Sequence[int], indices: Value, updates: Value, *, dimension_numbers: Any, mode: Any, **_: Any):
+    """(starts, steps, new value, whether it is in range) of every entry that a scatter writes, in order."""
     d, indices, updates = dimension_numbers, entries(m, indices), entries(m, updates)
-    rank, shape = len(value.shape), value.shape
+    rank = len(shape)
     fixed = (*d.inserted_window_dims, *d.operand_batching_dims)
     window_dims = [a for a in range(rank) if a not in fixed]
     batch_dims = [a for a in range(updates.ndim) if a not in d.update_window_dims]
@@ -149,11 +179,4 @@ def scatter(m: Arithmetic, value: Value, indices: Value, updates: Value, *, dime
             if _mode(mode) == "FILL_OR_DROP":
                 inside = _both(m, inside, _inside(m, start, top))
             starts[axis] = _clamped(m, start, top)
-        new: Node = updates.item(index)
-        if how == "add":
-            old = _read(m, value, starts, steps)
-            new = m.op("or", old, new) if old.dtype == BOOL else m.add(old, new)
-        elif how != "set":
-            raise NativeUnsupported(f"scatter_{how}")
-        value = _write(m, value, starts, steps, new, inside)
-    return value
+        yield starts, steps, updates.item(index), inside

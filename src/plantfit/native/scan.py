@@ -106,7 +106,7 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
     region = graph.open()
     carried = [_carried(graph, a.shape, dtype_of(a.dtype), moving) for a in leaves]
     row = [_loaded(graph, "xload", i, r.shape[1:], dtype_of(r.dtype)) for i, r in enumerate(rows)]
-    out = tracer.run(jaxpr, given, [*carried, *row])
+    out = tracer.settled(tracer.run(jaxpr, given, [*carried, *row]))
     count = len(leaves)
     region.results = [*tracer.leave(out[:count], moving), *tracer.leave(out[count:], False)]
     graph.close()

@@ -9,7 +9,7 @@ from plantfit.native import functions, indexing
 from plantfit.native.arithmetic import Arithmetic
 from plantfit.native.graph import BOOL, F64, I32, I64, Graph, Node, Region
 from plantfit.native.unsupported import NativeUnsupported
-from plantfit.native.values import Memory, Value, array_of, constant, dtype_of, entries, in_memory, scalar
+from plantfit.native.values import Memory, Pending, Value, array_of, constant, dtype_of, entries, in_memory, scalar
 
 # isort: split
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
@@ -34,7 +34,27 @@ class Tracer:
         self.graph = graph
 
     def closed(self, jaxpr: ClosedJaxpr, args: Sequence[Value]) -> list[Value]:
+        """The results of a jaxpr as arrays."""
+        return self.settled(self._inlined(jaxpr, args))
+
+    def settled(self, values: Sequence[Any]) -> list[Value]:
+        """Values as arrays, nothing pending."""
+        return [self._settled(v) for v in values]
+
+    def _inlined(self, jaxpr: ClosedJaxpr, args: Sequence[Value]) -> list[Value]:
         return self.run(jaxpr.jaxpr, [constant(self.m, c) for c in jaxpr.consts], args)
+
+    def _settled(self, value: Any) -> Value:
+        if not isinstance(value, Pending):
+            return value
+        zeros = array_of(value.shape, lambda _: self.graph.const(0.0, F64))
+        return value.added_to(self.m, zeros)
+
+    def _sum(self, a: Any, b: Any) -> Any:
+        """a + b where one of them is pending."""
+        if isinstance(a, Pending) and isinstance(b, Pending):
+            return Pending(a.shape, a.sums + b.sums)
+        return a.added_to(self.m, b) if isinstance(a, Pending) else b.added_to(self.m, a)
 
     def run(self, jaxpr: Jaxpr, consts: Sequence[Value], args: Sequence[Value]) -> list[Value]:
         """The results of a jaxpr; raises NativeUnsupported for a primitive without a native form."""
@@ -51,9 +71,12 @@ class Tracer:
         name, params = equation.primitive.name, equation.params
         if name in _INLINE:
             inner = params[_INLINE[name]]
-            return self.closed(inner, args) if isinstance(inner, ClosedJaxpr) else self.run(inner, (), args)
+            return self._inlined(inner, args) if isinstance(inner, ClosedJaxpr) else self.run(inner, (), args)
         if name in _COPIES:
             return args
+        if name in ("add", "add_any") and any(isinstance(a, Pending) for a in args) and args[0].shape == args[1].shape:
+            return [self._sum(*args)]
+        args = self.settled(args)
         if name in ("scan", "while", "cond"):
             return getattr(self, f"_{name}")(args, **params)
         shapes = [v.aval.shape for v in equation.outvars]

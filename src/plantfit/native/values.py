@@ -28,6 +28,25 @@ class Memory:
         return self.node.dtype
 
 
+@dataclass(frozen=True, eq=False)
+class Pending:
+    """Zeros with a few sums at places known at run time: (place, sum, allowed) each. Added to an array, only these entries change."""
+
+    shape: tuple[int, ...]
+    sums: tuple[tuple[Node, Node, Node], ...]
+
+    def added_to(self, m: Arithmetic, value: "np.ndarray | Memory") -> "np.ndarray | Memory":
+        """The array with the sums added."""
+        together: dict[tuple[int, int], tuple[Node, Node, Node]] = {}
+        for place, new, allowed in self.sums:
+            key = id(place), id(allowed)
+            together[key] = (place, m.add(together[key][1], new) if key in together else new, allowed)
+        memory = in_memory(m, value)
+        for place, new, allowed in together.values():
+            memory = store(m, memory, place, m.add(load(m, memory, place), new), allowed)
+        return memory
+
+
 Value = np.ndarray | Memory
 
 
