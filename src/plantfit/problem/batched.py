@@ -20,14 +20,13 @@ from plantfit.space import Space
 import jax
 import jax.numpy as jnp
 
-WIDE = 64  # candidates that run side by side
+WIDE = 256  # candidates that run side by side
 WIDE_GRADIENTS = 20
 
 
 class Numbers(NamedTuple):
     """What compiled functions need and that is not compiled in; a pytree."""
 
-    single: Chunks  # one row, for one candidate: its loop has no vectors and is quickest
     rows: Chunks
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
@@ -41,7 +40,6 @@ class Batched:
     simulator: Simulator
     space: Space
     names: tuple[str, ...]
-    single: Schedule
     rows: Schedule
     picked: tuple[tuple[np.ndarray, ...], ...]  # per record and output: flat places in `rows` of what is scored
     local: np.ndarray  # (L, q) coordinates of every record
@@ -67,10 +65,10 @@ class Batched:
             tracks.append(Track(drives[name], tuple(y), tuple(scored), ranges))
         linear = [c in simulator.interpolated for c in simulator.vector.model.inputs]
         linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
-        single, rows = make_schedule(tracks, linear, rows=1), make_schedule(tracks, linear)
+        rows = make_schedule(tracks, linear)
         picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
         local = np.array([[i for i, c in enumerate(space.coordinates) if c.recording in (None, name)] for name in names])
-        return cls(simulator, space, names, single, rows, picked, local.reshape(len(names), -1))
+        return cls(simulator, space, names, rows, picked, local.reshape(len(names), -1))
 
     def with_simulator(self, simulator: Simulator) -> "Batched":
         """The same records with other steps."""
@@ -80,7 +78,6 @@ class Batched:
         """The pytree that the functions below take."""
         first = [drives[n] for n in self.names]
         return Numbers(
-            self.single.chunks,
             self.rows.chunks,
             tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
             tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
@@ -99,18 +96,14 @@ class Batched:
 
     # -- pure functions of a cube point -------------------------------------------------------------
 
-    def cost(self, z: Any, numbers: Numbers, *, single: bool = False, reverse: bool = False) -> Any:
+    def cost(self, z: Any, numbers: Numbers, *, reverse: bool = False) -> Any:
         """Mean squared scaled residual at a cube point (d,); differentiable only with `reverse`, and backwards."""
-        schedule = self.single if single else self.rows
         p, x0 = self._start(z[self.local], numbers)
-        chunks = numbers.single if single else numbers.rows
-        squares = Batch(self.simulator, schedule.windows).squares(p, x0, chunks, reverse=reverse)
+        squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, reverse=reverse)
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
 
     def costs(self, zs: Any, numbers: Numbers) -> Any:
         """Costs (n,) of cube points (n, d)."""
-        if zs.shape[0] == 1:
-            return self.cost(zs[0], numbers, single=True)[None]
         return jax.lax.map(lambda z: self.cost(z, numbers), zs, batch_size=min(zs.shape[0], WIDE))
 
     def values_and_gradients(self, zs: Any, numbers: Numbers) -> tuple[Any, Any]:
