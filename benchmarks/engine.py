@@ -21,7 +21,7 @@ def run(quick: bool) -> dict[str, float]:
     signals = {"u": Signal(u), "y": Signal(target)}
     problem = Problem(model(), Recording(t, signals), substeps=4)
     z = jnp.asarray(problem.space.cube(problem.space.vector(PARAMETERS)))
-    data, compiled = problem.data, problem.compiled
+    data, compiled = problem.arguments, problem.compiled
     single, batch = z[None, :], jnp.clip(z + 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=(20, z.size))), 0.0, 1.0)
     p = {k: jnp.asarray(v) for k, v in PARAMETERS.items()}
     part = samples // (10 if quick else 4)
@@ -33,8 +33,8 @@ def run(quick: bool) -> dict[str, float]:
 
     rows: dict[str, Timing] = {
         "evaluation": timed(lambda: compiled["costs"](single, data), repeats),
-        "gradient": timed(lambda: compiled["value_and_gradient"](z, data), repeats),
-        "jacobian": timed(lambda: compiled["residuals_and_jacobian"](z, data), repeats),
+        "gradient": timed(lambda: compiled["values_and_gradients"](single, data), repeats),
+        "jacobian": timed(lambda: compiled["blocks"](z, data), repeats),
         "batch of 20": timed(lambda: compiled["costs"](batch, data), repeats),
         "diffrax evaluation": whole(timed(lambda: their_cost(p), 5)),
         "diffrax gradient": whole(timed(lambda: their_gradient(p), 5)),
