@@ -100,7 +100,7 @@ class ParameterTable(_Table):
 
 
 class SimulationTable(_Table):
-    stepper: Literal["exponential", "rosenbrock", "rk4"] = "exponential"
+    stepper: Literal["exponential", "rosenbrock", "rk4", "exact"] = "exponential"
     substeps: Annotated[int, Field(ge=1)] | None = None
 
 

@@ -79,6 +79,8 @@ class Tracer:
         args = self.settled(args)
         if name in ("scan", "while", "cond"):
             return getattr(self, f"_{name}")(args, **params)
+        if len(equation.outvars) != 1:
+            raise NativeUnsupported(name)
         shapes = [v.aval.shape for v in equation.outvars]
         for v in equation.outvars:
             dtype_of(v.aval.dtype)
@@ -88,7 +90,10 @@ class Tracer:
         return [self._elementwise(name, shapes[0], args, params)]
 
     def _elementwise(self, name: str, shape: tuple[int, ...], args: list[Value], params: dict) -> np.ndarray:
-        spread = [np.broadcast_to(entries(self.m, a), shape) for a in args]
+        try:
+            spread = [np.broadcast_to(entries(self.m, a), shape) for a in args]
+        except ValueError:  # then it is no elementwise operation
+            raise NativeUnsupported(name) from None
         return array_of(shape, lambda index: _scalar_operation(self.m, name, [a[index] for a in spread], params))
 
     # -- control flow -------------------------------------------------------------------------------

@@ -12,12 +12,16 @@ from plantfit.models.model import Model
 from plantfit.simulate.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
 from plantfit.simulate.history import Lag, delayed_rollout, history_grid, ring_length
+from plantfit.simulate.linear import exact_step
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.steppers import STEPPERS
+from plantfit.simulate.structure import is_linear
 from plantfit.simulate.vector import VectorModel, vectorise
 
 import jax
 import jax.numpy as jnp
+
+EXACT = "exact"
 
 
 class Drive(NamedTuple):
@@ -37,7 +41,8 @@ class Drive(NamedTuple):
 class Simulator:
     """`outputs(p, drive)` and `states(p, drive)` for named parameter values; pure jax functions.
 
-    `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff) or "rk4"; `substeps` divides every step of the grid.
+    `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff), "rk4", or "exact" (matrix exponential, linear models
+    only); `substeps` divides every step of the grid.
     A smooth input that is interpolated, or a right-hand side that uses t, makes steps `varying`.
     """
 
@@ -50,8 +55,13 @@ class Simulator:
     def of(cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
         """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
         hold = dict(hold or {})
-        if stepper not in STEPPERS:
-            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted(STEPPERS)}.")
+        if stepper not in (*STEPPERS, EXACT):
+            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted((*STEPPERS, EXACT))}.")
+        vector = vectorise(model)
+        if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
+            raise SimulationError(
+                f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = 'exponential'."
+            )
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
         if model.state_delays and (model.events or model.frictions or model.backlashes):
@@ -64,7 +74,7 @@ class Simulator:
                 raise SimulationError(f"hold names {name!r}, which is not one of the inputs {list(model.inputs)}.")
             if kind not in (Held.PREVIOUS, Held.LINEAR):
                 raise SimulationError(f"hold of input {name!r} is {kind!r}; use 'previous' or 'linear'.")
-        return cls(vectorise(model), stepper, substeps, tuple(n for n, k in hold.items() if k == Held.LINEAR))
+        return cls(vector, stepper, substeps, tuple(n for n, k in hold.items() if k == Held.LINEAR))
 
     def refined(self, factor: int) -> "Simulator":
         """The same with `factor` times as many substeps."""
@@ -73,13 +83,16 @@ class Simulator:
     @property
     def step(self) -> Callable:
         """The stepper, with what the model declares about events, dry friction and backlash around it."""
-        vector, step = self.vector, STEPPERS[self.stepper]
-        model = vector.model
+        vector = self.vector
+        model, step = vector.model, self._exact if self.stepper == EXACT else STEPPERS[self.stepper]
         for backlash in model.backlashes:
             step = with_backlash(step, bind_backlash(backlash, vector))
         for friction in model.frictions:
             step = with_friction(step, bind_friction(friction, vector))
         return with_events(step, [bind_event(e, vector) for e in model.events]) if model.events else step
+
+    def _exact(self, rate, x, u0, u1, h, p, varying, pattern=None):
+        return exact_step(self.vector, p, h, varying)(x, u0, u1)
 
     @property
     def varying(self) -> bool:
