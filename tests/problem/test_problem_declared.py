@@ -7,8 +7,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit import fit
 from plantfit.errors import SimulationError
 from plantfit.models import equations
-from plantfit.problem import Problem
+from plantfit.problem import Problem, verify
 from plantfit.recording.record import Recording, Signal
+from plantfit.simulate.verify import against_radau
 
 T = np.arange(0.0, 4.0, 0.02)
 U = 1.5 * np.sin(2.0 * T) + 0.8 * np.sin(5.3 * T)
@@ -85,6 +86,26 @@ def test_a_fit_finds_the_parameters(name):
     for parameter, value in truth.items():
         assert found[parameter] == pytest.approx(value, rel=0.02), found
     assert answer.best.cost < 2 * 0.002**2
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_check_at_the_answer_is_one_that_knows_these_models(name):
+    problem, truth = made(name)
+    z = problem.space.cube(problem.space.vector(truth))
+    (found,) = verify(problem, z, tolerance=2e-4)
+    assert found.checked_with == "half the steps"
+    assert found.max_error < 2e-4
+    with pytest.raises(SimulationError, match="tight solver does not follow"):
+        against_radau(problem.predictor.stepping(), dict(truth), problem.data["drive"]["recording"])
+
+
+def test_late_states_choose_their_own_steps():
+    problem, _ = made("late")
+    free = Problem(problem.model, problem.experiments["recording"].recording)
+    answer = fit(free, seed=1)
+    assert np.isfinite(answer.best.cost)
+    assert answer.best.cost < 2 * 0.002**2
+    assert answer.findings["simulation"]["checked_with"] == "step doubling"
 
 
 def test_late_states_with_resets_are_refused_in_one_sentence():

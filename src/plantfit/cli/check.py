@@ -64,7 +64,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     for e in record.get("verify", []):
         unit = problem.model.outputs[e["output"]] or ""
         out.print(
-            f"against the tight solver: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
+            f"against {e['checked_with']}: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
             f"over {e['samples']} samples, {e['substeps']} step(s) a sample",
             markup=False,
         )

@@ -132,6 +132,8 @@ class Problem:
         other.__dict__.pop("data", None)
         other.__dict__.pop("arguments", None)
         other.predictor = self.predictor.with_simulator(simulator)
+        if simulator.vector.model.state_delays:
+            other._prepare()  # how much history is kept depends on the steps
         return other
 
     # -- pure functions ---------------------------------------------------------------------------

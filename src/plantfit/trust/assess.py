@@ -9,6 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
+from plantfit.simulate.simulator import Drive
 from plantfit.simulate.verify import against_radau, doubling_error
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
@@ -209,9 +210,10 @@ def _basins(problem, runs):
 
 def _simulation(problem, values, verify):
     simulator = problem.predictor.simulator
-    if simulator is None or not simulator.vector.states:
+    moving = [n for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
+    if simulator is None or not simulator.vector.states or not moving:
         return {"stepper": "none (static model)", "substeps": 0, "outputs": {}}
-    name = next(iter(problem.data["drive"]))
+    name = moving[0]
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
     how = "scipy Radau, rtol 1e-9"
