@@ -93,7 +93,7 @@ def test_the_check_at_the_answer_is_one_that_knows_these_models(name):
     problem, truth = made(name)
     z = problem.space.cube(problem.space.vector(truth))
     (found,) = verify(problem, z, tolerance=2e-4)
-    assert found.checked_with == "half the steps"
+    assert found.checked_with == "step doubling"
     assert found.max_error < 2e-4
     with pytest.raises(SimulationError, match="tight solver does not follow"):
         against_radau(problem.predictor.stepping(), dict(truth), problem.data["drive"]["recording"])

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import SearchError
-from plantfit.fitting import fit
+from plantfit.errors import SearchError, Status
+from plantfit.fitting import Answer, fit
 from plantfit.models import dc_motor
 from plantfit.models.model import Declared, Model
+from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate import Simulator
@@ -103,3 +104,26 @@ def test_nothing_that_can_be_simulated_is_an_error_with_advice():
     recording = Recording(np.arange(30.0), {"u": Signal(np.ones(30)), "y": Signal(np.ones(30))})
     with pytest.raises(SearchError, match="No candidate of any run could be simulated"):
         fit(Problem(broken, recording), budget=200)
+
+
+@pytest.mark.parametrize(("position", "edge"), [(0.0, "lower"), (1.0, "upper")])
+def test_a_bound_counts_only_where_the_data_press_onto_it(position, edge):
+    """`a` is truly 30 % beyond its bound; `idle` has no effect and stands on a bound by chance."""
+    low, high = (1.3, 3.0) if edge == "lower" else (0.1, 0.7)
+    model = Model(
+        name="gain",
+        states={},
+        inputs={"u": None},
+        outputs={"y": None},
+        parameters=(Declared("a", bounds=(low, high)), Declared("idle", bounds=(-1.0, 1.0))),
+        output=lambda x, u, p: {"y": p["a"] * u["u"] + 1e-9 * p["idle"]},
+    )
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=200)
+    recording = Recording(np.arange(200.0), {"u": Signal(u), "y": Signal(u + 0.1 * rng.normal(size=200))})
+    problem = Problem(model, recording)
+    z = np.full(2, position)
+    run = RunResult("given", 0, 0, z, float(problem.costs(z[None])[0]), 1.0, 0.0, Status.converged, np.ones(1), np.ones(1))
+    rows = {p["name"]: p for p in Answer(problem, [run], 0).findings["parameters"]}
+    assert (rows["a"]["status"], rows["a"]["at_bound"]) == ("at bound", edge)
+    assert (rows["idle"]["status"], rows["idle"]["at_bound"]) == ("flat", None)

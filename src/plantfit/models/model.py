@@ -85,6 +85,11 @@ class Model:
             raise ModelError(f"Model {self.name!r} has states but no derivative; give derivative(x, u, p).")
         check_declared(self)
 
+    @property
+    def smooth(self) -> bool:
+        """Whether the states follow `derivative` alone: no resets, dry friction, backlash or late states."""
+        return not (self.events or self.frictions or self.backlashes or self.state_delays)
+
     def declared(self, name: str) -> Declared:
         """The declaration of one parameter."""
         for parameter in self.parameters:

@@ -41,7 +41,7 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
 
 def _scaled_error(problem: Problem, z: np.ndarray) -> float:
     """Estimated rms of the step error in scaled residuals."""
-    return float(np.sqrt(np.mean(_difference(problem, z) ** 2)))
+    return float(np.sqrt(np.mean(step_errors(problem, z) ** 2)))
 
 
 def _step_error(problem: Problem, z: np.ndarray) -> float:
@@ -51,11 +51,12 @@ def _step_error(problem: Problem, z: np.ndarray) -> float:
         for output in problem.outputs
         if (y := problem.data["measured"][name][output]) is not None
     ]
-    return float(np.sqrt(np.mean((_difference(problem, z) / np.concatenate(spread)) ** 2)))
+    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
 
 
-def _difference(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """Residuals at these steps minus those at half of them, times q / (q - 1) with q = 2 ** order."""
+def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Estimated step error of every scaled residual (m,) at a cube point: residuals at these steps minus those at half of them,
+    times q / (q - 1) with q = 2 ** order."""
     simulator = problem.predictor.stepping()
     q = 2.0 ** ORDER[simulator.stepper]
     fine = problem.with_simulator(simulator.refined(2))

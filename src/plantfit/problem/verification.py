@@ -8,8 +8,8 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
 from plantfit.problem.problem import Problem
-from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.verify import against_radau, doubling_error
+from plantfit.simulate.simulator import Drive
+from plantfit.simulate.verify import check_steps
 
 FINEST = 256
 
@@ -31,8 +31,8 @@ def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> l
     """Compare with scipy's Radau (rtol 1e-9) at a cube point (d,); static and steady records have no steps and are left out.
 
     With a `tolerance` (unit of the outputs) the steps of each recording are halved until its largest error is below it, or
-    they are 256. Resets, dry friction, backlash and late states are not followed by Radau; there the error is estimated by
-    halving the steps. Raises SimulationError where the tight solver fails.
+    they are 256. Where Radau does not follow the model (resets, dry friction, backlash, late states) or fails,
+    the error is estimated by halving the steps.
     """
     values = problem.space.physical(np.asarray(z, dtype=float))
     found = []
@@ -46,21 +46,14 @@ def _of_recording(problem: Problem, name: str, p: Any, tolerance: float | None) 
     variant = problem
     while True:
         simulator = variant.predictor.stepping()
-        worst, rms, count, how = _error(simulator, p, variant.data["drive"][name])
-        if tolerance is None or max(worst.values()) < tolerance or simulator.substeps >= FINEST:
-            return [Verified(name, o, worst[o], rms[o], count, simulator.substeps, how) for o in problem.outputs]
+        error = check_steps(simulator, p, variant.data["drive"][name])
+        if tolerance is None or max(error.max_error.values()) < tolerance or simulator.substeps >= FINEST:
+            count = error.last - error.first + 1
+            return [
+                Verified(name, o, error.max_error[o], error.rms_error[o], count, simulator.substeps, error.checked_with)
+                for o in problem.outputs
+            ]
         variant = variant.with_simulator(simulator.refined(2))
-
-
-def _error(simulator: Simulator, p: Any, drive: Drive) -> tuple[dict[str, float], dict[str, float], int, str]:
-    """Largest and rms error by output, the number of samples compared, and with what."""
-    model = simulator.vector.model
-    if model.events or model.frictions or model.backlashes or model.state_delays:
-        estimate = doubling_error(simulator, p, drive)
-        worst = {o: float(np.max(e)) for o, e in estimate.items()}
-        return worst, {o: float(np.sqrt(np.mean(e**2))) for o, e in estimate.items()}, len(drive.t), "half the steps"
-    error = against_radau(simulator, p, drive)
-    return error.max_error, error.rms_error, error.last - error.first + 1, "scipy Radau, rtol 1e-9"
 
 
 def point(problem: Problem, named: dict[str, float]) -> np.ndarray:

@@ -196,6 +196,8 @@ class SimulatedOutput(_Record):
 class Simulation(_Record):
     stepper: str = ""
     substeps: Any = None
+    recording: str = ""
+    checked_with: str = ""
     outputs: dict[str, SimulatedOutput] = {}
 
 

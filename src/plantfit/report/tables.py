@@ -119,7 +119,9 @@ def simulation_table(simulation: Simulation) -> Table:
         for name, o in simulation.outputs.items()
     )
     head = ("output", "largest error", "RMS error", "RMS residual", "RMS error / RMS residual")
-    return Table("Error of the simulation against a tight solver", head, rows, frozenset({1, 2, 3, 4}))
+    where = f" of recording {simulation.recording}" if simulation.recording else ""
+    how = f", checked with {simulation.checked_with}" if simulation.checked_with else ""
+    return Table(f"Error of the simulation{where}{how}", head, rows, frozenset({1, 2, 3, 4}))
 
 
 def quantity(value: Number, unit: str | None, digits: int = 3) -> str:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import SimulationError
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
+from plantfit.problem.steps import step_errors
 from plantfit.simulate.simulator import Drive
-from plantfit.simulate.verify import against_radau, doubling_error
+from plantfit.simulate.verify import by_doubling, check_steps
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.local import EDGE as EDGE
@@ -47,7 +47,7 @@ def assess(
         "combinations": _combinations(local, rows),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
-        "simulation": _simulation(problem, local.values, verify),
+        "simulation": _simulation(problem, best.x, local.values, verify),
         "reproduction": {
             "spec": spec,
             "seed": seed,
@@ -208,26 +208,15 @@ def _basins(problem, runs):
     ]
 
 
-def _simulation(problem, values, verify):
-    simulator = problem.predictor.simulator
+def _simulation(problem, z, values, verify):
     moving = [n for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
-    if simulator is None or not simulator.vector.states or not moving:
+    if not problem.predictor.has_steps or not moving:
         return {"stepper": "none (static model)", "substeps": 0, "outputs": {}}
-    name = moving[0]
+    simulator = problem.predictor.stepping()
+    name = _least_exact(problem, z, moving)
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
-    how = "scipy Radau, rtol 1e-9"
-    try:
-        error = against_radau(simulator, p, drive, pieces=400) if verify else None
-    except SimulationError:
-        error = None
-    if error is None:
-        how = "step doubling"
-        estimate = doubling_error(simulator, p, drive)
-        worst = {k: float(np.max(v)) for k, v in estimate.items()}
-        rms = {k: float(np.sqrt(np.mean(v**2))) for k, v in estimate.items()}
-    else:
-        worst, rms = error.max_error, error.rms_error
+    error = check_steps(simulator, p, drive, pieces=400) if verify else by_doubling(simulator, p, drive)
     rows = {}
     for output in problem.outputs:
         index, y = problem.data["index"][name][output], problem.data["measured"][name][output]
@@ -236,8 +225,26 @@ def _simulation(problem, values, verify):
         residual = problem.predict(values, name)[output][index] - y
         rows[output] = {
             "unit": _unit(problem, output),
-            "max_error": worst[output],
-            "rms_error": rms[output],
+            "max_error": error.max_error[output],
+            "rms_error": error.rms_error[output],
             "rms_residual": float(np.sqrt(np.mean(residual**2))),
         }
-    return {"stepper": simulator.stepper, "substeps": simulator.substeps, "checked_with": how, "outputs": rows}
+    return {
+        "stepper": simulator.stepper,
+        "substeps": simulator.substeps,
+        "recording": name,
+        "checked_with": error.checked_with,
+        "outputs": rows,
+    }
+
+
+def _least_exact(problem: Problem, z: np.ndarray, moving: Sequence[str]) -> str:
+    """The moving recording whose step error is largest, by halving the steps."""
+    if len(moving) == 1:
+        return moving[0]
+    error, start, found = step_errors(problem, z), 0, {}
+    for name in problem.data["drive"]:
+        count = sum(len(problem.data["index"][name][o]) for o in problem.outputs)
+        found[name] = float(np.mean(error[start : start + count] ** 2)) if count else 0.0
+        start += count
+    return max(moving, key=found.__getitem__)

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determined (see parameters._status)
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,7 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,)."""
     space, blocks = problem.space, _blocks(problem)
     residuals, jacobian = problem.residuals_and_jacobian(z)
-    gradient = jacobian.T @ residuals
-    lower, upper = (z <= EDGE) & (gradient >= 0), (z >= 1 - EDGE) & (gradient <= 0)
+    lower, upper = _held(z, jacobian, residuals)
     free = ~(lower | upper)
     cube = covariance(jacobian, residuals, blocks, free)
     values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
@@ -45,6 +45,18 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     )
     bound = tuple("lower" if a else "upper" if b else None for a, b in zip(lower, upper, strict=True))
     return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions))
+
+
+def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (d,) that the data press onto their lower and upper bound.
+
+    Where they could move inside by a fifth of the box and chi-squared would grow by less than 1, nothing presses: such a
+    coordinate is open, and happens to stand on its bound.
+    """
+    gradient, curvature = jacobian.T @ residuals, np.sum(jacobian**2, axis=0)
+    variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(z)), 1e-300)
+    pressed = 2.0 * OPEN * np.abs(gradient) + OPEN**2 * curvature >= variance
+    return (z <= EDGE) & (gradient >= 0) & pressed, (z >= 1 - EDGE) & (gradient <= 0) & pressed
 
 
 def _blocks(problem: Problem) -> list[Block]:

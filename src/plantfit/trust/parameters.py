@@ -8,7 +8,7 @@ import numpy as np
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
-from plantfit.trust.local import Local
+from plantfit.trust.local import OPEN, Local
 
 Row = dict[str, Any]
 
@@ -73,7 +73,7 @@ def _status(c: Coordinate, value: float, error: float) -> str:
     """How well the data fix a value, by its standard error against the box and against the value."""
     relative = error / max(abs(value), 1e-300)
     share = relative / np.log(c.upper / c.lower) if c.log else error / (c.upper - c.lower)
-    if share > 0.2:
+    if share > OPEN:
         return "flat"
     return "weak" if share > 0.05 and relative > 0.25 else "determined"
 

@@ -53,6 +53,8 @@ def _combinations(findings: Findings) -> Iterator[Sentence]:
 
 
 def _steps(findings: Findings) -> Iterator[Sentence]:
+    checked = findings["simulation"].get("recording")
+    where = f" in {checked}, the least exact recording," if checked and len(findings["recordings"]) > 1 else ""
     for name, o in findings["simulation"].get("outputs", {}).items():
         if not o["rms_residual"]:
             continue
@@ -60,7 +62,7 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
         level = "good" if share < 0.05 else "warning"
         end = "negligible" if share < 0.05 else "not negligible: ask for more substeps"
         text = (
-            f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst "
+            f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{where} "
             f"({findings['simulation']['checked_with']}), {100 * share:.2g} % of the residual: {end}."
         )
         yield say(level, text, max_error=o["max_error"], share=share)
