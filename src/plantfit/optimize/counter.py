@@ -1,6 +1,6 @@
 """What a host method searches through: it counts, keeps the best point and enforces the budget."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -12,7 +12,7 @@ from plantfit.optimize.contract import Objective
 
 import jax
 
-CHUNK = 64  # candidates per compiled evaluation
+CHUNKS = (64, 16)  # candidates per compiled evaluation: two shapes for any number of points
 
 
 class BudgetSpent(Exception):
@@ -26,6 +26,16 @@ class TargetReached(Exception):
 @lru_cache(maxsize=32)
 def _compiled(costs: Callable) -> Callable:
     return jax.jit(costs)
+
+
+def _pieces(count: int) -> Iterator[tuple[int, int]]:
+    """Begin and size of the chunks that cover `count` points with little filling."""
+    large, small = CHUNKS
+    at = 0
+    while at < count:
+        size = large if count - at > large - small else small
+        yield at, size
+        at += size
 
 
 class Counter:
@@ -65,16 +75,15 @@ class Counter:
         """Costs (n,) of points (n, d); not-finite ones come back as +inf. Charges n."""
         x = np.atleast_2d(np.asarray(x, dtype=float))
         self._charge(len(x))
-        f = np.concatenate([self._chunk(x[i : i + CHUNK]) for i in range(0, len(x), CHUNK)])
+        f = np.concatenate([self._chunk(x[i : i + size], size) for i, size in _pieces(len(x))])
         before = self.spent - len(x)
         for k in range(len(x)):
             self._record(x[k], f[k], f[k], before + k + 1)
         self._after()
         return f
 
-    def _chunk(self, x: np.ndarray) -> np.ndarray:
-        # one compiled shape, whatever the number of points
-        full = np.concatenate([x, np.repeat(x[:1], CHUNK - len(x), axis=0)])
+    def _chunk(self, x: np.ndarray, size: int) -> np.ndarray:
+        full = np.concatenate([x, np.repeat(x[:1], size - len(x), axis=0)])
         f = np.array(_compiled(self.objective.costs)(full), dtype=float)[: len(x)]
         return np.where(np.isfinite(f), f, np.inf)
 

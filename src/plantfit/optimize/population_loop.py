@@ -24,7 +24,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-CHUNK = 64  # candidates per evaluation: one shape for any number of runs
+CHUNK = 64  # most candidates per evaluation
+LANES = 16  # chunks are multiples of it
 BLOCK = 256  # most generations between two looks at the clock
 SIDE_BY_SIDE = 1024  # most candidates evaluated at once
 REPORT_SECONDS = 0.5
@@ -52,6 +53,11 @@ class Program(NamedTuple):
     advance: Callable
 
 
+def chunk_of(rows: int) -> int:
+    """Candidates per evaluation: the same for any number of runs, so that a run has the same bits in any company."""
+    return min(CHUNK, -(-rows // LANES) * LANES)
+
+
 def _begin(method: Population, facts: Facts) -> Callable:
     def one(key: Array) -> Carry:
         zero = jnp.zeros((), int)
@@ -74,18 +80,20 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
     cannot depend on how blocks are cut. `chunks` covers the rows of the group that are not padding.
     """
 
+    size = chunk_of(rows)
+
     def chunk_costs(x: Array) -> Array:
         f = costs(x)
-        if f.shape != (CHUNK,):
-            raise SearchError(f"The cost returned shape {f.shape} for {CHUNK} candidates; it must return one cost for each.")
+        if f.shape != (size,):
+            raise SearchError(f"The cost returned shape {f.shape} for {size} candidates; it must return one cost for each.")
         return f
 
     def evaluate(x: Array, chunks: Array) -> Array:
         # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
         flat = x.reshape(-1, dimension)
-        count = -(-len(flat) // CHUNK)
-        filled = jnp.concatenate([flat, jnp.full((count * CHUNK - len(flat), dimension), 0.5)]).reshape(count, CHUNK, dimension)
-        empty = jnp.full((count, CHUNK), jnp.inf)
+        count = -(-len(flat) // size)
+        filled = jnp.concatenate([flat, jnp.full((count * size - len(flat), dimension), 0.5)]).reshape(count, size, dimension)
+        empty = jnp.full((count, size), jnp.inf)
         f = lax.fori_loop(0, chunks, lambda i, f: f.at[i].set(chunk_costs(filled[i])), empty)
         f = f.reshape(-1)[: len(flat)].reshape(x.shape[:2])
         return jnp.where(jnp.isfinite(f), f, jnp.inf)
@@ -190,7 +198,7 @@ class _Group:
         start = np.zeros((0, plan.objective.dimension)) if plan.objective.start is None else np.clip(plan.objective.start, 0.0, 1.0)
         target = -np.inf if plan.target is None else plan.target
         patience = 2**62 if plan.stagnation is None else plan.stagnation
-        chunks = -(-members * self.rows // CHUNK)
+        chunks = -(-members * self.rows // chunk_of(self.rows))
         done, last = len(history), plan.budget // self.rows
 
         def advance(carry: Carry, upto: int):

@@ -1,0 +1,58 @@
+"""A population method driven from inside a host method: restarts with other populations, trees of populations."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.optimize.contract import Facts, Population
+from plantfit.optimize.counter import Counter
+
+import jax
+from jax import Array
+
+
+@lru_cache(maxsize=128)
+def _compiled(method: Population, rows: int, dimension: int) -> tuple[Callable, Callable, Callable | None]:
+    def ask(key: Array, state: Any, g: Array) -> tuple[Array, Any]:
+        return method.ask(jax.random.fold_in(key, g), state)
+
+    refresh = getattr(method, "refresh", None)
+    return jax.jit(ask), jax.jit(method.tell), None if refresh is None else jax.jit(refresh)
+
+
+class Nested:
+    """One population of a method. `state` may be read and replaced between generations.
+
+    `best_x` (d,) and `best_cost` are the best of this population alone, `stopped` tells that its own rules ended it,
+    `evaluations` what it spent.
+    """
+
+    def __init__(self, method: Population, facts: Facts, key: Array):
+        self.method, self.key = method, key
+        self.rows = method.rows(facts)
+        self._ask, self._tell, self._refresh = _compiled(method, self.rows, facts.dimension)
+        self._period = method.refresh_period(facts) if self._refresh is not None else 1  # type: ignore[attr-defined]
+        self.state = method.init(jax.random.fold_in(key, 2**31), facts)
+        self.generations = self.evaluations = 0
+        self.best_x, self.best_cost = np.full(facts.dimension, 0.5), np.inf
+        self.stopped = False
+
+    def generation(self, counter: Counter) -> tuple[np.ndarray, np.ndarray]:
+        """Ask, evaluate, tell; the candidates (rows, d) and their costs (rows,). Raises what the counter raises."""
+        state = self.state
+        if self._refresh is not None and self.generations % self._period == 0:
+            state = self._refresh(state)
+        x, state = self._ask(self.key, state, self.generations)
+        x = np.asarray(x)
+        f = counter.costs(x)
+        self.state, info = self._tell(state, x, f)
+        self.generations += 1
+        self.evaluations += self.rows
+        row = int(np.argmin(f))
+        if f[row] < self.best_cost:
+            self.best_x, self.best_cost = x[row].copy(), float(f[row])
+        self.stopped = bool(info.get("stop", False)) or bool(info.get("stagnated", False))
+        return x, f
