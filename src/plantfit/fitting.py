@@ -110,7 +110,7 @@ def fit(
     started = time.perf_counter()
     problem = prepare(problem)
     prepared = time.perf_counter()
-    start = None if shooting is None else Shooting.of(problem, segments=shooting).search(seed=seed).z[None, :]
+    start = shooting_starts(problem, shooting, seed)
     if start is not None and method == "auto":
         method, settings = "least_squares", {"agree": 1, **dict(settings or {})}
     results = minimise(
@@ -127,6 +127,11 @@ def fit(
     problem, results = finish(problem, results, seed)
     seconds = {"prepare": prepared - started, "search": searched - prepared, "finish": time.perf_counter() - searched}
     return Answer(problem, results, seed, spec, command, seconds)
+
+
+def shooting_starts(problem: Problem, segments: int | None, seed: int) -> np.ndarray | None:
+    """Where multiple shooting with so many segments a record ends (1, d); None without segments."""
+    return None if segments is None else Shooting.of(problem, segments=segments).search(seed=seed).z[None, :]
 
 
 def prepare(problem: Problem) -> Problem:

@@ -1,5 +1,6 @@
 """Parameters of a study: names, units, bounds, scales, ties; unit cube to named values and back."""
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -168,6 +169,14 @@ class Space:
                 raise SpaceError(f"Parameters {' -> '.join([*seen, target])} are tied in a circle; fix or free one of them.")
             seen.append(target)
         return seen[-1]
+
+    def local(self, recording: str) -> np.ndarray:
+        """Positions (q,) of the coordinates that enter one recording: the shared ones and its own."""
+        return np.array([i for i, c in enumerate(self.coordinates) if c.recording in (None, recording)], dtype=int)
+
+    def of_one_recording(self) -> "Space":
+        """The coordinates `local` of any one recording, in their order, as a space without recordings."""
+        return Space({n: dataclasses.replace(p, per_recording=False) for n, p in self.parameters.items()})
 
     def range(self, name: str) -> tuple[float, float]:
         """All values that a parameter can take in its unit, (low, high); equal when it is held."""

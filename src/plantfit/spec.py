@@ -110,6 +110,7 @@ class SearchTable(_Table):
     budget: int | None = None
     seed: int = 1
     settings: dict[str, dict[str, Any]] = {}
+    shooting: int | None = Field(None, ge=1)
 
 
 class SpecTable(_Table):

@@ -8,7 +8,7 @@ from simulate_plants import P, exact, record, stiff
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.simulate import Simulator
-from plantfit.simulate.steppers import ORDER, _factored
+from plantfit.simulate.steppers import ORDER, factored
 from plantfit.simulate.verify import against_radau, doubling_error
 
 import jax
@@ -98,7 +98,7 @@ def test_small_solver_equals_numpy(n):
         matrix, right = rng.normal(size=(n, n)), rng.normal(size=n)
         if n >= 3:
             matrix[0, 0] = matrix[1, 1] = 0.0  # needs pivots
-        ours = _factored([[jnp.asarray(v) for v in row] for row in matrix])(list(right))
+        ours = factored([[jnp.asarray(v) for v in row] for row in matrix])(list(right))
         expected = np.linalg.solve(matrix, right)
         np.testing.assert_allclose(ours, expected, rtol=1e-11 * np.linalg.cond(matrix), atol=1e-13 * np.linalg.cond(matrix))
 

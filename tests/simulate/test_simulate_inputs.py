@@ -67,7 +67,7 @@ def test_edges_on_samples_give_steps_of_length_zero_and_finite_derivatives(delay
     def y(delay):
         return simulator.outputs({**P, "Td": delay}, drive)["y"]
 
-    steps, (_, _, length) = simulator._steps({**P, "Td": delay}, drive)
+    steps, (_, _, length) = simulator.steps({**P, "Td": delay}, drive)
     assert np.any(np.asarray(length) == 0.0)
     assert np.all(np.asarray(length) >= 0.0)
     assert np.all(np.isfinite(jax.jvp(y, (delay,), (1.0,))[1]))

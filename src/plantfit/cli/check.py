@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from plantfit.cli.assignments import numbers_by_name
 from plantfit.cli.out import out, print_json
-from plantfit.errors import SpecError
 
 
 def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None) -> None:
@@ -19,7 +19,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
 
     study = specs.load(spec)
     problem = choose_substeps(study.problem)
-    z = point(problem, _named(at))
+    z = point(problem, numbers_by_name("--at", at))
     cost = float(problem.costs(z[None, :])[0])
     started = time.perf_counter()
     np.asarray(problem.costs(z[None, :]))
@@ -71,18 +71,6 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         if tolerance is not None and e["max_error"] >= tolerance:
             out.print(f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help", style="yellow")
     out.print(f"ready: plantfit run {spec}", markup=False)
-
-
-def _named(at: Sequence[str]) -> dict[str, float]:
-    """name=value as a mapping."""
-    named = {}
-    for text in at:
-        name, _, value = text.partition("=")
-        try:
-            named[name.strip()] = float(value)
-        except ValueError:
-            raise SpecError(f"--at {text!r} cannot be read; write name=value, as in --at tau=3.5.") from None
-    return named
 
 
 def _shortened(names: Iterable[str], most: int = 12) -> str:

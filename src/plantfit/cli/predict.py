@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from plantfit.cli.assignments import numbers_by_name
 from plantfit.cli.out import out, print_json
 from plantfit.errors import SpaceError, StoreError
 
@@ -14,7 +15,7 @@ def predict(spec: str, place: str, values: list[str], study: int | None, recordi
 
     loaded = specs.load(spec)
     problem = choose_substeps(loaded.problem)
-    named = _given(values, problem.space.names)
+    named = _known(numbers_by_name("--set", values), problem.space.names)
     if set(named) != set(problem.space.names):
         named = {**_stored(loaded.name, study, store), **named}
     vector = problem.space.vector(named)
@@ -36,17 +37,11 @@ def predict(spec: str, place: str, values: list[str], study: int | None, recordi
     out.print(f"Written: {path}", markup=False)
 
 
-def _given(values: list[str], names: tuple[str, ...]) -> dict[str, float]:
-    result = {}
-    for text in values:
-        name, sign, number = text.partition("=")
-        if not sign or name.strip() not in names:
-            raise SpaceError(f"--set {text!r} names no free parameter; write NAME=VALUE with one of {list(names)}.")
-        try:
-            result[name.strip()] = float(number)
-        except ValueError:
-            raise SpaceError(f"--set {text!r}: {number!r} is not a number.") from None
-    return result
+def _known(named: dict[str, float], names: tuple[str, ...]) -> dict[str, float]:
+    for name in named:
+        if name not in names:
+            raise SpaceError(f"--set {name} names no free parameter; the free ones are {list(names)}.")
+    return named
 
 
 def _stored(name: str, number: int | None, store: str) -> dict[str, float]:

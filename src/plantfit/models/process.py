@@ -1,5 +1,6 @@
 """First and second order processes with dead time."""
 
+from collections.abc import Iterator
 from typing import Literal
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
@@ -116,13 +117,21 @@ def _check_initial(name: str, initial: str) -> None:
 def _parameters(
     time_constants: tuple[str, ...], dead_time: bool, offset: bool, initial: str, input_unit: str | None, output_unit: str | None
 ) -> tuple[Declared, ...]:
-    gain_unit = None if input_unit is None or output_unit is None else f"({output_unit or '1'})/({input_unit or '1'})"
-    parameters = [Declared("K", gain_unit, (-100.0, 100.0), sentence="gain: change of y per change of u, at rest")]
-    parameters += [Declared(tau, "s", (0.1, 1e4), "log", sentence="time constant") for tau in time_constants]
+    gain = Declared("K", gain_unit(input_unit, output_unit), (-100.0, 100.0), sentence="gain: change of y per change of u, at rest")
+    slow = (Declared(tau, "s", (0.1, 1e4), "log", sentence="time constant") for tau in time_constants)
+    return gain, *slow, *optional_parameters(dead_time, offset, initial, output_unit)
+
+
+def gain_unit(input_unit: str | None, output_unit: str | None) -> str | None:
+    """Unit of y per unit of u; None when one of them is not known."""
+    return None if input_unit is None or output_unit is None else f"({output_unit or '1'})/({input_unit or '1'})"
+
+
+def optional_parameters(dead_time: bool, offset: bool, initial: str, output_unit: str | None) -> Iterator[Declared]:
+    """L (s), c and y0 (unit of y), as far as they are asked for."""
     if dead_time:
-        parameters.append(Declared("L", "s", (0.0, 100.0), sentence="dead time"))
+        yield Declared("L", "s", (0.0, 100.0), sentence="dead time")
     if offset:
-        parameters.append(Declared("c", output_unit, (-1e3, 1e3), sentence="value of y at u = 0"))
+        yield Declared("c", output_unit, (-1e3, 1e3), sentence="value of y at u = 0")
     if initial == "free":
-        parameters.append(Declared("y0", output_unit, (-1e3, 1e3), sentence="value of y at the first sample"))
-    return tuple(parameters)
+        yield Declared("y0", output_unit, (-1e3, 1e3), sentence="value of y at the first sample")

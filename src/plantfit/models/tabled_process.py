@@ -5,6 +5,7 @@ from typing import Any, Literal
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
+from plantfit.models.process import gain_unit, optional_parameters
 from plantfit.models.table_text import read_nodes
 from plantfit.models.tables import Table
 
@@ -38,8 +39,7 @@ def tabled_first_order(
             raise ModelError(f"Model 'tabled_first_order': {what} is {value!r}; use {known[0]!r} or {known[1]!r}.")
     channel = _DELAYED if dead_time else "u"
     axis = read_nodes("Model 'tabled_first_order': nodes", _NODES if nodes is None else nodes)
-    gain_unit = None if input_unit is None or output_unit is None else f"({output_unit or '1'})/({input_unit or '1'})"
-    gain, time_constant = Table("K", (over,), (axis,), gain_unit), Table("tau", (over,), (axis,), "s")
+    gain, time_constant = Table("K", (over,), (axis,), gain_unit(input_unit, output_unit)), Table("tau", (over,), (axis,), "s")
 
     def derivative(x: Named, u: Named, p: Named) -> Named:
         at = x["y"] if over == "y" else u[channel]
@@ -52,22 +52,17 @@ def tabled_first_order(
     def initial_state(p: Named, u0: Named, y0: Named) -> Named:
         return {"y": p["y0"] if initial == "free" else y0["y"]}
 
-    parameters = [
-        Declared("K", gain_unit, (-100.0, 100.0), sentence=f"gain over {over}", shape=gain.shape),
+    parameters = (
+        Declared("K", gain.unit, (-100.0, 100.0), sentence=f"gain over {over}", shape=gain.shape),
         Declared("tau", "s", (0.1, 1e4), "log", sentence=f"time constant over {over}", shape=time_constant.shape),
-    ]
-    if dead_time:
-        parameters.append(Declared("L", "s", (0.0, 100.0), sentence="dead time"))
-    if offset:
-        parameters.append(Declared("c", output_unit, (-1e3, 1e3), sentence="value of y at u = 0"))
-    if initial == "free":
-        parameters.append(Declared("y0", output_unit, (-1e3, 1e3), sentence="value of y at the first sample"))
+        *optional_parameters(dead_time, offset, initial, output_unit),
+    )
     return Model(
         name="tabled_first_order",
         states={"y": output_unit},
         inputs={"u": input_unit},
         outputs={"y": output_unit},
-        parameters=tuple(parameters),
+        parameters=parameters,
         output=output,
         derivative=derivative,
         initial_state=initial_state,

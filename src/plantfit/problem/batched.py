@@ -67,8 +67,7 @@ class Batched:
         linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
         rows = make_schedule(tracks, linear)
         picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
-        local = np.array([[i for i, c in enumerate(space.coordinates) if c.recording in (None, name)] for name in names])
-        return cls(simulator, space, names, rows, picked, local.reshape(len(names), -1))
+        return cls(simulator, space, names, rows, picked, np.stack([space.local(name) for name in names]))
 
     def with_simulator(self, simulator: Simulator) -> "Batched":
         """The same records with other steps."""
@@ -176,7 +175,7 @@ class Batched:
 
     def _begin(self, z, first_input, first_output):
         """Parameters and initial states of one record from its local coordinates (q,)."""
-        own = _local_space(self.space)
+        own = self.space.of_one_recording()
         p = own.tree(own.physical(z))
         return self.simulator.positional(p), self.simulator.initial(p, first_input, first_output)
 
@@ -187,11 +186,6 @@ class Batched:
     def _placed(self, local, numbers: Numbers):
         p, x0 = self._start(local, numbers)
         return Batch(self.simulator, self.rows.windows).residuals(p, x0, numbers.rows)
-
-
-def _local_space(space: Space) -> Space:
-    """The coordinates of one record, in the order in which they stand in the whole space."""
-    return Space({n: dataclasses.replace(p, per_recording=False) for n, p in space.parameters.items()})
 
 
 def _widened(bounds: tuple[float, float]) -> tuple[float, float]:

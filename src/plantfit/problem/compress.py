@@ -6,6 +6,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError
+from plantfit.problem.triangle import triangle
 
 import jax.numpy as jnp
 
@@ -38,12 +39,12 @@ def compress(regressor: Any, target: Any) -> Compressed:
     if len(bad):
         raise RecordingError(f"The regression has a missing value at sample {bad[0]}; leave that row out.")
     k = columns.shape[1]
-    triangle = np.zeros((0, k + 1))
+    small = np.zeros((0, k + 1))
     for first in range(0, len(y), BLOCK):
         rows = slice(first, first + BLOCK)
-        triangle = np.linalg.qr(np.vstack([triangle, np.column_stack([columns[rows], y[rows]])]), mode="r")
+        small = triangle(np.vstack([small, np.column_stack([columns[rows], y[rows]])]))
     full = np.zeros((k + 1, k + 1))
-    full[: len(triangle)] = triangle
+    full[: len(small)] = small
     return Compressed(full[:k, :k], full[:k, k], float(full[k, k] ** 2), len(y))
 
 

@@ -1,14 +1,10 @@
 """One segment as pure functions of its local coordinates and its initial states."""
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting_segments import Segments
-from plantfit.simulate.simulator import Drive, Simulator, _divided, _rollout
-from plantfit.space import Space
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +20,7 @@ class Local:
     factor: tuple[float, ...]  # per output: from its unit to residuals whose squares add up to the merit
 
     def _parameters(self, z):
-        space = local_space(self.problem.space)
+        space = self.problem.space.of_one_recording()
         return space.tree(space.physical(z))
 
     def initial(self, z, segment: Segments):
@@ -35,8 +31,8 @@ class Local:
     def _run(self, z, s, segment: Segments):
         simulator, p = self.problem.predictor.stepping(), self._parameters(z)
         x0 = jnp.where(segment.first, self.initial(z, segment), s)
-        x = segment_states(simulator, p, segment.drive, tuple(x0))
-        y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(x, channels(simulator, p, segment.drive), simulator.positional(p))
+        x = simulator.states(p, segment.drive, tuple(x0))
+        y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(x, simulator.channels(p, segment.drive), simulator.positional(p))
         return x, y
 
     def simulated(self, z, s, segment: Segments):
@@ -65,7 +61,7 @@ class Local:
         at = jnp.stack([jnp.argmax(scored) for scored in segment.scored])
         known = jnp.stack([jnp.any(scored) for scored in segment.scored])
         wanted = jnp.stack([m[i] for m, i in zip(segment.measured, at, strict=True)])
-        u = tuple(c[at[0]] for c in channels(simulator, p, segment.drive))
+        u = tuple(c[at[0]] for c in simulator.channels(p, segment.drive))
         factor = jnp.asarray(self.factor)
 
         def miss(x):
@@ -79,30 +75,3 @@ class Local:
         found, _ = jax.lax.scan(newton, s, None, length=INVERSIONS)
         better = jnp.sum(miss(found) ** 2) < jnp.sum(miss(s) ** 2)
         return jnp.where(better, found, s)
-
-
-def local_space(space: Space) -> Space:
-    """The coordinates that enter one record, in their order, as a space without records."""
-    return Space({n: dataclasses.replace(p, per_recording=False) for n, p in space.parameters.items()})
-
-
-def segment_states(simulator: Simulator, p: Any, drive: Drive, x0: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Every state at every sample of a segment that begins at x0: a tuple of (T,); pure and differentiable."""
-    steps, z = simulator._steps(p, _begun(simulator, p, drive))
-    later = _rollout(simulator)(simulator.positional(p), x0, _divided(z, simulator.substeps))
-    fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
-    return tuple(jnp.take(x, steps.rank * simulator.substeps) for x in fine)
-
-
-def channels(simulator: Simulator, p: Any, drive: Drive) -> tuple[Any, ...]:
-    """Inputs, late inputs and time at every sample of a segment, each (T,)."""
-    return (*drive.value, *(jnp.take(c, i) for c, i in simulator._at_samples(p, drive)), drive.t)
-
-
-def _begun(simulator: Simulator, p: Any, drive: Drive) -> Drive:
-    """Knots that came before the segment are moved to its start, where they cost a step of length zero."""
-    delayed = []
-    for pieces, delay in zip(drive.delayed, simulator._delays(p), strict=True):
-        early = pieces.knots + delay < drive.t[0]
-        delayed.append(pieces._replace(knots=jnp.where(early, drive.t[0] - delay, pieces.knots)))
-    return drive._replace(delayed=tuple(delayed))

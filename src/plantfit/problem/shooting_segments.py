@@ -46,7 +46,6 @@ def cut(problem: Problem, segments: int | None = None, length: float | None = No
     drives = problem.data["drive"]
     length = _length([d.t for d in drives.values()], segments, length)
     outputs, delays = problem.outputs, problem.predictor.stepping().vector.model.delays
-    coordinates = problem.space.coordinates
     pieces, record, local = [], [], []
     for k, (name, drive) in enumerate(drives.items()):
         y, scored = _full(problem, name, len(drive.t))
@@ -56,11 +55,11 @@ def cut(problem: Problem, segments: int | None = None, length: float | None = No
         for i, (a, b) in enumerate(bounds):
             pieces.append(_Piece(drive, y, scored, ranges, a, b, i == 0, i == len(bounds) - 1))
             record.append(k)
-            local.append([j for j, c in enumerate(coordinates) if c.recording in (None, name)])
+            local.append(problem.space.local(name))
     most = max(p.stop - p.start for p in pieces) + 1
     knots = [max(p.knots(j)[1] - p.knots(j)[0] for p in pieces) for j in range(len(delays))]
     stacked = jax.tree.map(lambda *a: np.stack(a), *(p.padded(most, knots, len(outputs)) for p in pieces))
-    return Cut(stacked, np.array(record), np.array(local, dtype=int).reshape(len(pieces), -1))
+    return Cut(stacked, np.array(record), np.stack(local))
 
 
 def _length(times: Sequence[np.ndarray], segments: int | None, length: float | None) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.grid import Pieces, merge
+from plantfit.simulate.grid import merge
 from plantfit.simulate.intervals import MOST_EDGES, Row, sensitivities, substeps, summed
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.schedule import Chunks
@@ -168,9 +168,7 @@ class Batch:
     def _window_of_row(self, p_row, chunk: Chunks):
         """Steps of one row of a chunk: z as in `_plain` over the merged grid, rank of the samples, channels at the samples."""
         delays = self._delays(p_row)
-        begin = chunk.t[0]
-        knots = tuple(jnp.where(k.knots + d < begin, begin - d, k.knots) for k, d in zip(chunk.knots, delays, strict=True))
-        steps = merge(chunk.t, knots, delays)
+        steps = merge(chunk.t, tuple(k.knots for k in chunk.knots), delays)
         end = steps.start + steps.length
         u0, u1 = [], []
         count = len(chunk.at)
@@ -185,12 +183,11 @@ class Batch:
             u0.append(v + s * (steps.start - origin))
             u1.append(v + s * (end - origin))
         at = list(chunk.at)
-        for own, edges, piece, delay in zip(chunk.knots, knots, steps.piece, delays, strict=True):
-            pieces = Pieces(own.value, own.slope, own.origin, edges)
+        for pieces, piece, delay in zip(chunk.knots, steps.piece, delays, strict=True):
             v, s, origin = (jnp.take(a, piece) for a in pieces[:3])
             u0.append(v + s * (steps.start - delay - origin))
             u1.append(v + s * (end - delay - origin))
-            index = jnp.searchsorted(edges, chunk.t[1:] - delay, side="right")
+            index = jnp.searchsorted(pieces.knots, chunk.t[1:] - delay, side="right")
             v, s, origin = (jnp.take(a, index) for a in pieces[:3])
             at.append(v + s * (chunk.t[1:] - delay - origin))
         u0.append(steps.start)

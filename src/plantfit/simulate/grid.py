@@ -64,14 +64,18 @@ class Steps(NamedTuple):
     rank: Any  # (N,) position of every sample among the K + 1 grid points
 
 
+def _within(t: Any, edge: Any) -> Any:
+    # not minimum and maximum: their derivative at a tie would be half of the right one
+    return jnp.where(edge < t[0], t[0], jnp.where(edge < t[-1], edge, t[-1]))
+
+
 def merge(t: Any, knots: tuple[Any, ...], delays: tuple[Any, ...]) -> Steps:
     """Merge sample times (N,) with the knots of every delayed channel moved by its delay (s).
 
-    Knots that leave the record end up at its last sample, in steps of length zero.
+    Knots outside the record end up at its first or last sample, in steps of length zero.
     """
     t = jnp.asarray(t)
-    # not minimum: its derivative at a tie would be half of the right one
-    lists = [t, *(jnp.where(k + d < t[-1], k + d, t[-1]) for k, d in zip(knots, delays, strict=True))]
+    lists = [t, *(_within(t, k + d) for k, d in zip(knots, delays, strict=True))]
     ranks = []
     for i, own in enumerate(lists):
         rank = jnp.arange(own.shape[0])

@@ -166,18 +166,24 @@ class Simulator:
         """Every output at every sample, name -> (N,)."""
         vector = self.vector
         x, late = self._states_with_history(p, drive) if vector.model.state_delays else (self.states(p, drive), ())
-        channels = (*drive.value, *(jnp.take(c, rank) for c, rank in self._at_samples(p, drive)), *late, drive.t)
-        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, channels, self.positional(p))
+        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, self.channels(p, drive, late), self.positional(p))
         return dict(zip(vector.outputs, y, strict=True))
 
-    def states(self, p: Mapping[str, Any], drive: Drive) -> tuple[Any, ...]:
-        """Every state at every sample, a tuple of (N,) in the order of the model."""
+    def channels(self, p: Mapping[str, Any], drive: Drive, late_states: tuple[Any, ...] = ()) -> tuple[Any, ...]:
+        """Every channel of the model at every sample, a tuple of (N,): inputs, late inputs, `late_states`, time."""
+        return (*drive.value, *self._late_inputs(p, drive), *late_states, drive.t)
+
+    def states(self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
+        """Every state at every sample, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
+
+        Models with late states always begin at `initial`.
+        """
         if not self.vector.states:
             return ()
         if self.vector.model.state_delays:
             return self._states_with_history(p, drive)[0]
-        steps, z = self._steps(p, drive)
-        x0 = self.initial(p, drive.first_input, drive.first_output)
+        steps, z = self.steps(p, drive)
+        x0 = self.initial(p, drive.first_input, drive.first_output) if x0 is None else x0
         later = _rollout(self)(self.positional(p), x0, _divided(z, self.substeps))
         fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
         return tuple(jnp.take(x, steps.rank * self.substeps) for x in fine)
@@ -231,7 +237,7 @@ class Simulator:
     def _delays(self, p):
         return tuple(p[d.parameter] for d in self.vector.model.delays)
 
-    def _steps(self, p, drive: Drive):
+    def steps(self, p, drive: Drive):
         """The grid, and per step (inputs at its start, inputs at its end, length)."""
         delays = self._delays(p)
         if delays:
@@ -253,13 +259,13 @@ class Simulator:
         at_end.append(end)
         return steps, (tuple(at_start), tuple(at_end), steps.length)
 
-    def _at_samples(self, p, drive: Drive):
-        """Delayed channels at the samples, for outputs that read them."""
+    def _late_inputs(self, p, drive: Drive):
+        """Delayed inputs at the samples, for outputs that read them."""
         for pieces, delay in zip(drive.delayed, self._delays(p), strict=True):
             late = drive.t - delay
             index = jnp.searchsorted(pieces.knots, late, side="right")
             v, s, origin = (jnp.take(a, index) for a in (pieces.value, pieces.slope, pieces.origin))
-            yield v + s * (late - origin), jnp.arange(drive.t.shape[0])
+            yield v + s * (late - origin)
 
 
 def _divided(z, m: int):

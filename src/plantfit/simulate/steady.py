@@ -12,7 +12,7 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
-from plantfit.simulate.steppers import _factored
+from plantfit.simulate.steppers import factored
 from plantfit.simulate.vector import Scalars, VectorModel
 
 import jax
@@ -110,7 +110,7 @@ def _linearised(vector, x, u, p, pace=0.0):
         direction = tuple(jnp.ones_like(v) if i == j else jnp.zeros_like(v) for i, v in enumerate(x))
         columns.append(jax.jvp(lambda s: vector.rate(s, u, p), (x,), (direction,))[1])
     matrix = [[columns[j][i] - (pace if i == j else 0.0) for j in range(n)] for i in range(n)]
-    solve = _factored(matrix)
+    solve = factored(matrix)
     # an infinite slope would make a step of zero, which is not rest
     regular = _all([jnp.isfinite(entry) for row in matrix for entry in row])
     return matrix, lambda b: [jnp.where(regular, d, jnp.nan) for d in solve(list(b))]

@@ -26,7 +26,7 @@ def rosenbrock(rate, x, u0, u1, h, p, varying, pattern=None):
     n = len(x)
     f0, jacobian = _jacobian(rate, x, u0, p, pattern)
     matrix = [[_plus(1.0 if i == j else 0.0, _times(-GAMMA * h, jacobian[i][j])) for j in range(n)] for i in range(n)]
-    solve = _factored(matrix)
+    solve = factored(matrix)
     drift = tuple(GAMMA * d for d in _drift(rate, x, u0, u1, p)[1]) if varying else (0.0,) * n
     k1 = solve([a + b for a, b in zip(f0, drift, strict=True)])
     f1 = rate(tuple(a + h * k for a, k in zip(x, k1, strict=True)), u1 if varying else u0, p)
@@ -57,7 +57,7 @@ def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
         [_plus(1.0 if i == j else 0.0, _plus(_times(-2.0 / 3.0, z[i][j]), _times(1.0 / 6.0, square[i][j]))) for j in range(n)]
         for i in range(n)
     ]
-    v = _factored(matrix)(right)
+    v = factored(matrix)(right)
     return tuple(a + h * b for a, b in zip(x, v, strict=True))
 
 
@@ -116,7 +116,7 @@ STEPPERS = {"exponential": exponential, "rosenbrock": rosenbrock, "rk4": rk4}
 ORDER = {"exponential": 2, "rosenbrock": 2, "rk4": 4, "exact": 4}  # exact: any number, halving changes nothing
 
 
-def _factored(m):
+def factored(m):
     """A solver for the small matrix `m` (rows of scalars): closed form to size 2, else elimination.
 
     With pivoting by rows, as selections rather than branches, so that a batch stays one program.

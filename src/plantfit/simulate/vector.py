@@ -11,10 +11,9 @@ from typing import Any
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
+from plantfit.simulate.dependencies import dependencies
 
-import jax
 import jax.numpy as jnp
-from jax.extend.core import Var
 
 Scalars = tuple[Any, ...]
 
@@ -54,10 +53,16 @@ def vectorise(model: Model) -> VectorModel:
     def output(x, u, p):
         return _picked(model.output(*named(x, u, p)), outputs, model, "output")
 
-    reads = _dependencies(rate, (len(states), len(channels)), model)
+    reads = dependencies(rate, *placeholders(model))
     pattern = tuple(tuple(j in row for j in range(len(states))) for row in reads)
     time = len(states) + len(channels) - 1
     return VectorModel(model, states, channels, outputs, parameters, rate, output, any(time in row for row in reads), pattern)
+
+
+def placeholders(model: Model) -> tuple[Scalars, Scalars, Scalars]:
+    """States, channels and parameters of the right shapes, to trace the functions of a model with."""
+    channels = len(model.inputs) + len(model.delays) + len(model.state_delays) + 1
+    return (1.0,) * len(model.states), (1.0,) * channels, tuple(jnp.ones(d.shape) for d in model.parameters)
 
 
 def _picked(values, names, model, what):
@@ -65,20 +70,3 @@ def _picked(values, names, model, what):
     if missing:
         raise ModelError(f"Model {model.name!r}: {what}(x, u, p) returned {sorted(values)}, without {missing[0]!r}; return every name.")
     return tuple(jnp.asarray(values[n], dtype=float) for n in names)
-
-
-def _dependencies(function, sizes: tuple[int, int], model: Model) -> list[set[int]]:
-    """For every result the positions of the states and channels, counted through, that it can depend on."""
-    states, channels = sizes
-    p = tuple(jnp.ones(d.shape) for d in model.parameters)
-    jaxpr = jax.make_jaxpr(function)((1.0,) * states, (1.0,) * channels, p).jaxpr
-    sources = {v: {i} for i, v in enumerate(jaxpr.invars[: states + channels])}
-
-    def read(atom) -> set[int]:
-        return sources.get(atom, set()) if isinstance(atom, Var) else set()
-
-    for equation in jaxpr.eqns:
-        found = set().union(*(read(v) for v in equation.invars))
-        for v in equation.outvars:
-            sources[v] = found
-    return [read(v) for v in jaxpr.outvars]

@@ -49,7 +49,7 @@ def against_radau(
     exact = _integrated(simulator, p, workings, rtol, atol, pieces)
     count = exact.shape[1]
     values = tuple(np.asarray(p[k], dtype=float) for k in simulator.vector.parameters)
-    channels = tuple(np.asarray(c)[:count] for c in (*drive.value, *workings["late"], drive.t))
+    channels = tuple(c[:count] for c in workings["channels"])
     y = jax.jit(jax.vmap(simulator.vector.output, in_axes=(0, 0, None)))(tuple(exact), channels, values)
     largest, rms = {}, {}
     for name, value in zip(simulator.vector.outputs, y, strict=True):
@@ -88,7 +88,7 @@ def _workings(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[
 
     @jax.jit
     def work(p, drive):
-        steps, (u0, u1, length) = simulator._steps(p, drive)
+        steps, (u0, u1, length) = simulator.steps(p, drive)
         return {
             "outputs": simulator.outputs(p, drive),
             "states": simulator.states(p, drive),
@@ -97,7 +97,7 @@ def _workings(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[
             "rank": steps.rank,
             "u0": u0,
             "u1": u1,
-            "late": [jnp.take(c, i) for c, i in simulator._at_samples(p, drive)],
+            "channels": simulator.channels(p, drive),
         }
 
     return jax.tree.map(np.asarray, work({k: np.asarray(v, dtype=float) for k, v in p.items()}, drive))
