@@ -1,4 +1,4 @@
-"""Our exp, log and their kin against numpy's long double, in units in the last place.
+"""Elementary functions against numpy's long double, in units in the last place.
 
 XLA runs with subnormal numbers flushed to zero, so they are left out.
 """

@@ -1,4 +1,4 @@
-"""Scalar arithmetic on graph nodes, with constants folded and the meaning that lax gives each operation."""
+"""Scalar arithmetic on nodes with the semantics of lax and constant folding."""
 
 import math
 import operator
@@ -108,7 +108,7 @@ class Arithmetic:
         ones = self.graph.const(True, BOOL) if a.dtype == BOOL else self.integer(-1 if a.dtype != U32 else 0xFFFFFFFF, a.dtype)
         return self.op("xor", a, ones)
 
-    # -- lax meanings -------------------------------------------------------------------------------
+    # -- semantics of lax ---------------------------------------------------------------------------
 
     def extreme(self, kind: str, a: Node, b: Node) -> Node:
         """max ("gt") or min ("lt"); NaN when either is."""
@@ -169,7 +169,7 @@ class Arithmetic:
         return self.graph.make("convert", (a,), dtype)
 
     def libm(self, name: str, *args: Node) -> Node:
-        """A function of the C library, lane by lane."""
+        """A function of the C library."""
         return self.graph.make("libm", args, F64, name)
 
 
@@ -178,7 +178,7 @@ def _is(node: Node, value: float) -> bool:
 
 
 def span(node: Node, deep: int = 8) -> tuple[float, float]:
-    """Bounds that the value of a node (when it is not NaN) cannot leave, as far as they can be seen."""
+    """Interval analysis: bounds of the value of a node (unless it is NaN), from arguments down to `deep` levels."""
     nothing = (-math.inf, math.inf)
     if node.op == "const":
         return (float(node.data), float(node.data)) if node.data == node.data else nothing

@@ -1,7 +1,7 @@
-"""The graph between jax and LLVM: scalar operations in regions, each node computed once.
+"""The intermediate representation between jaxpr and LLVM: nodes in static single assignment form, in nested regions.
 
-A node is a number per lane (`size` None) or a small array in memory (`size` entries). Regions nest as loops and
-branches do; region 0 is the prologue, which runs once ahead of the time loop.
+A node is a number per lane (`size` None) or a small array in memory (`size` entries). Regions nest as loops and branches do;
+the region of depth 0 is the prologue, which runs once ahead of the time loop.
 """
 
 import struct
@@ -29,13 +29,13 @@ class Node:
 
 @dataclass(eq=False, slots=True)
 class Region:
-    """Code that runs together: loop body, branch or prologue. Its own parameters, then nodes in order, then results."""
+    """The code of a loop body, branch or prologue: parameters, nodes in order, results."""
 
     depth: int
     params: list[Node] = field(default_factory=list)
     code: list[Node] = field(default_factory=list)
     results: list[Node] = field(default_factory=list)
-    known: dict[Any, Node] = field(default_factory=dict, repr=False)
+    known: dict[Any, Node] = field(default_factory=dict, repr=False)  # nodes by value number
 
 
 def regions_of(node: Node) -> tuple[Region, ...]:
@@ -44,7 +44,7 @@ def regions_of(node: Node) -> tuple[Region, ...]:
 
 
 class Graph:
-    """Builds nodes; equal nodes are one node, and what depends on nothing that changes goes to the prologue."""
+    """Builds nodes with value numbering (equal nodes are one) and hoists loop invariants to the prologue."""
 
     def __init__(self) -> None:
         self.prologue = Region(0)
@@ -67,7 +67,7 @@ class Graph:
         return node
 
     def const(self, value: Any, dtype: str) -> Node:
-        """A number that is written into the code."""
+        """A constant of the code."""
         value = NUMPY[dtype].type(value)
         key = dtype, struct.pack("d", value) if dtype == F64 else int(value)
         if key not in self._constants:
@@ -91,6 +91,7 @@ class Graph:
         return node
 
     def _home(self, op: str, args: tuple[Node, ...]) -> Region:
+        """The prologue for loop invariants, else the current region."""
         invariant = op != "xload" and all(a.depth == 0 for a in args)
         return self.prologue if invariant else self.stack[-1]
 

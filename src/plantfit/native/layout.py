@@ -1,4 +1,4 @@
-"""How the axes of a batch are shared out: groups that run one after another, lanes that run side by side."""
+"""The layout of a batch: which axes become groups, which run in turn, and which become SIMD lanes."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 @dataclass(frozen=True)
 class Layout:
-    """`group_axes` and `lane_axes` split the batch; vectors of `width` lanes, `vectors` of them together."""
+    """`group_axes` and `lane_axes` partition the axes of the batch; a block is `vectors` vectors of `width` lanes."""
 
     batch: tuple[int, ...]
     group_axes: tuple[int, ...]
@@ -49,7 +49,7 @@ class Layout:
         for axes in (self.group_axes, self.lane_axes):
             wanted = any(present[x] for x in axes)
             for axis in axes:
-                if wanted and axis not in place:  # spread over the axes it lacks
+                if wanted and axis not in place:  # broadcast over the axes it lacks
                     a = jnp.broadcast_to(jnp.expand_dims(a, 0), (self.batch[axis], *a.shape))
                     place = {k: v + 1 for k, v in place.items()} | {axis: 0}
                     count += 1
@@ -61,7 +61,7 @@ class Layout:
         return jnp.moveaxis(a, -2, 0) if rows else a
 
     def buffer(self, core: tuple[int, ...], dtype: Any, rows: bool) -> Any:
-        """Shape of a result in the order of the kernel."""
+        """Shape of a result as the kernel writes it."""
         shape = (self.groups, *core, self.lanes) if rows else (*core, self.groups, self.lanes)
         return jax.ShapeDtypeStruct(shape, dtype)
 
@@ -75,9 +75,9 @@ class Layout:
 
 
 def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:
-    """Lanes over all axes, or over those that no step data vary over, whichever runs fewer vectors.
+    """Lanes over all axes, or over those that no step data vary over, whichever costs less.
 
-    Spreading step data over axes that they lack costs a copy of K numbers per lane, counted as a part of a vector step.
+    Broadcasting step data over axes that they lack copies K numbers per lane; each such leaf counts as a tenth of the work.
     """
     everything = tuple(range(len(batch)))
     data = [p for p, r in zip(present, rows, strict=True) if r and any(p)]
@@ -97,6 +97,6 @@ def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[in
 
 
 def _work(layout: Layout) -> int:
-    """Time per time step, measured on loops of some hundred instructions: a block of 1 to 4 vectors takes 4, 4, 5, 6."""
+    """Relative time per step, as measured on loops of some hundred instructions: a block of 1 to 4 vectors takes 4, 4, 5, 6."""
     blocks = math.ceil(layout.lanes / (layout.width * layout.vectors))
     return layout.groups * blocks * (2 + max(2, layout.vectors))

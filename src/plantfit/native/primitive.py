@@ -1,6 +1,7 @@
-"""The jax primitive behind `native_scan`: shapes, batching, and its lowering to a call of native code.
+"""The jax primitive behind `native_scan`: abstract evaluation, batching, lowering to an FFI call.
 
-Operands carry the axes of every `vmap` around the loop in front, or none of an axis that they do not vary over.
+Operands have the axes of the enclosing `vmap`s in front, outermost first, without those that they do not vary over; `present`
+holds a flag per operand and axis.
 """
 
 import ctypes
@@ -12,9 +13,10 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.compilation import address_of, key_of
 from plantfit.native.kernel import Program, Shape, make_kernel
 from plantfit.native.layout import choose_layout
-from plantfit.native.machine import address_of, host, key_of
+from plantfit.native.processor import host
 from plantfit.native.unsupported import NativeUnsupported
 
 # isort: split
@@ -27,7 +29,7 @@ from jax.interpreters import ad, batching, mlir
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A traced loop: its program, the jaxpr it came from, and the shapes of what it returns."""
+    """A traced loop: its program, the jaxpr of its body, and the shapes of its results."""
 
     program: Program
     jaxpr: Any
@@ -54,7 +56,7 @@ def _abstract(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple
 
 
 def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> list[Any]:
-    """Rearrange, call, rearrange back."""
+    """Arrange the operands in the layout, call the kernel, restore the results."""
     here = host()
     kinds = _core_kinds(loop)
     layout = choose_layout(batch, present, [rows for _, rows in kinds], here.width, here.vectors)
@@ -72,7 +74,7 @@ def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flag
 
 
 def _run_or_scan(*operands: Any, **params: Any) -> list[Any]:
-    """Native, or lax.scan where only this batch is too much (large tables that differ between lanes)."""
+    """Native code, or lax.scan when arrays that vary over this batch exceed the stack."""
     try:
         return _run(*operands, **params)
     except NativeUnsupported:
@@ -80,7 +82,7 @@ def _run_or_scan(*operands: Any, **params: Any) -> list[Any]:
 
 
 def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> list[Any]:
-    """The same loop by XLA."""
+    """The same loop as lax.scan."""
 
     def one(*given: Any) -> list[Any]:
         consts, carry = given[: loop.constants], given[loop.constants : loop.constants + loop.carry]
@@ -101,12 +103,13 @@ def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Fla
 
 
 def _core_kinds(loop: Loop) -> list[tuple[int, bool]]:
+    """(entries, whether there is a row per step) of every operand."""
     program = loop.program
     return [(n, False) for _, n in (*program.constants, *program.carry)] + [(n, True) for _, n in program.rows]
 
 
 def _registered(program: Program, shape: Shape) -> str:
-    """The name under which XLA knows this machine code; compiles it when it is new."""
+    """The FFI target of a kernel, compiled and registered when it is new."""
     kernel = make_kernel(program, shape)
     key = key_of(kernel.text)
     name = f"plantfit_native_{key}"
@@ -118,17 +121,18 @@ def _registered(program: Program, shape: Shape) -> str:
 
 
 _LOCK = threading.Lock()
-_REGISTERED: set[str] = set()  # names that XLA knows in this process
+_REGISTERED: set[str] = set()  # FFI targets of this process
 
 
 def _capsule(address: int) -> Any:
+    """A function pointer as `register_ffi_target` takes it."""
     make = ctypes.pythonapi.PyCapsule_New
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
     return make(address, b"xla._CUSTOM_CALL_TARGET", None)
 
 
 def _batched(operands: Sequence[Any], dims: Sequence[Any], *, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> Any:
-    """A new axis in front of the others."""
+    """The batching rule: a new axis in front of the others."""
     size = next(a.shape[d] for a, d in zip(operands, dims, strict=True) if d is not None)
     moved = [a if d is None else jnp.moveaxis(a, d, 0) for a, d in zip(operands, dims, strict=True)]
     flags = tuple((d is not None, *p) for d, p in zip(dims, present, strict=True))

@@ -1,4 +1,4 @@
-"""`native_scan`: jax.lax.scan over scalars, compiled to SIMD code over the batch."""
+"""`native_scan`: jax.lax.scan over numbers and small arrays as SIMD code over the batch."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.compilation import find_libm
 from plantfit.native.graph import Graph, Node
-from plantfit.native.improve import improve
 from plantfit.native.kernel import Program, Shape, make_kernel
-from plantfit.native.machine import available, find_libm, host
+from plantfit.native.passes import run_passes
 from plantfit.native.primitive import Loop, loop_p
+from plantfit.native.processor import available, host
 from plantfit.native.trace import Tracer, moves
 from plantfit.native.unsupported import NativeUnsupported
 from plantfit.native.values import LARGEST, Memory, Value, array_of, dtype_of
@@ -98,7 +99,7 @@ def _length(rows: Sequence[Any], length: int | None) -> int:
 
 
 def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequence[Any], steps: int, reverse: bool) -> Loop:
-    """Trace the body to a graph; raises NativeUnsupported."""
+    """Trace the body and run the passes; raises NativeUnsupported."""
     graph = Graph()
     tracer = Tracer(graph)
     moving = moves(jaxpr) or sum(a.size for a in leaves) > 64
@@ -106,11 +107,11 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
     region = graph.open()
     carried = [_carried(graph, a.shape, dtype_of(a.dtype), moving) for a in leaves]
     row = [_loaded(graph, "xload", i, r.shape[1:], dtype_of(r.dtype)) for i, r in enumerate(rows)]
-    out = tracer.settled(tracer.run(jaxpr, given, [*carried, *row]))
+    out = tracer.dense(tracer.run(jaxpr, given, [*carried, *row]))
     count = len(leaves)
     region.results = [*tracer.leave(out[:count], moving), *tracer.leave(out[count:], False)]
     graph.close()
-    improve([graph.prologue, region], fuse=host().fused)
+    run_passes([graph.prologue, region], contract=host().fused)
     avals = [v.aval for v in jaxpr.outvars[count:]]
     program = Program(
         graph.prologue,
@@ -127,18 +128,19 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
 
 
 def _try(program: Program) -> None:
-    """Raise NativeUnsupported now for what would fail when the loop is compiled, in the largest block."""
+    """Emit the largest block, so that NativeUnsupported is raised while tracing and not while lowering."""
     here = host()
     varies = [size <= LARGEST for _, size in program.constants] + [True] * (len(program.carry) + len(program.rows))
     find_libm(make_kernel(program, Shape(here.width, here.vectors, False, False, tuple((v, v) for v in varies))).libm)
 
 
 def _kinds(values: Sequence[Any], skip: int) -> tuple[tuple[str, int], ...]:
+    """(type, entries) of every leaf without its first `skip` axes."""
     return tuple((dtype_of(v.dtype), int(np.prod(v.shape[skip:]))) for v in values)
 
 
 def _loaded(graph: Graph, op: str, leaf: int, shape: tuple[int, ...], dtype: str) -> Value:
-    """An input as nodes that read its entries; a large one as memory."""
+    """An input as nodes that load its entries, a large constant as memory."""
     size = int(np.prod(shape))
     if op == "cload" and size > LARGEST:
         return Memory(graph.make("constant", (), dtype, leaf, size=size), shape)
@@ -150,6 +152,7 @@ def _loaded(graph: Graph, op: str, leaf: int, shape: tuple[int, ...], dtype: str
 
 
 def _carried(graph: Graph, shape: tuple[int, ...], dtype: str, moving: bool) -> Value:
+    """A leaf of the carry as parameters of the body; in memory when arrays are indexed at run time (`moving`)."""
     if shape and moving:
         return Memory(graph.param(dtype, int(np.prod(shape))), shape)
     return array_of(shape, lambda _: graph.param(dtype))

@@ -1,4 +1,4 @@
-"""What native code cannot do."""
+"""The error for loops without a native form."""
 
 from plantfit.errors import PlantfitError
 

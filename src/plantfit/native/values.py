@@ -1,4 +1,4 @@
-"""Arrays while tracing: an object array of nodes, or a place in memory that is indexed at run time."""
+"""Arrays while tracing: numpy arrays of nodes, or memory that is indexed at run time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _DTYPES = {"float64": F64, "int64": I64, "int32": I32, "uint32": U32, "bool": BO
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """An array node seen as an array of a shape, beginning at entry `offset`."""
+    """A view of an array node: row-major, of a shape, from entry `offset`."""
 
     node: Node
     shape: tuple[int, ...]
@@ -29,14 +29,14 @@ class Memory:
 
 
 @dataclass(frozen=True, eq=False)
-class Pending:
-    """Zeros with a few sums at places known at run time: (place, sum, allowed) each. Added to an array, only these entries change."""
+class Sparse:
+    """A sparse array: zeros, and sums at entries known at run time, (row-major place, sum, allowed) each."""
 
     shape: tuple[int, ...]
     sums: tuple[tuple[Node, Node, Node], ...]
 
     def added_to(self, m: Arithmetic, value: "np.ndarray | Memory") -> "np.ndarray | Memory":
-        """The array with the sums added."""
+        """A dense array plus this one; only the entries with sums are read and written."""
         together: dict[tuple[int, int], tuple[Node, Node, Node]] = {}
         for place, new, allowed in self.sums:
             key = id(place), id(allowed)
@@ -68,13 +68,8 @@ def array_of(shape: tuple[int, ...], at: Callable[[tuple[int, ...]], Node]) -> n
     return out
 
 
-def scalar(node: Node) -> np.ndarray:
-    """A node as an array of shape ()."""
-    return array_of((), lambda _: node)
-
-
 def constant(m: Arithmetic, value: Any) -> np.ndarray:
-    """Numbers that are written into the code."""
+    """Constants of the code."""
     value = np.asarray(value)
     dtype = dtype_of(value.dtype)
     return array_of(value.shape, lambda index: m.graph.const(value[index], dtype))
@@ -92,7 +87,7 @@ def entries(m: Arithmetic, value: Value) -> np.ndarray:
 
 
 def load(m: Arithmetic, memory: Memory, index: Node, offset: int = 0) -> Node:
-    """The entry at `index` + `offset`, counted through the array."""
+    """The entry at `index` + `offset` in row-major order."""
     if index.op == "const":
         offset, index = offset + int(index.data), m.integer(0, I32)
     place, node = memory.offset + offset, memory.node
@@ -102,7 +97,7 @@ def load(m: Arithmetic, memory: Memory, index: Node, offset: int = 0) -> Node:
 
 
 def in_memory(m: Arithmetic, value: Value) -> Memory:
-    """The array as a place in memory; entries that already lie there in order are not copied."""
+    """The array in memory; entries that are already contiguous there are not copied."""
     if isinstance(value, Memory):
         return value
     flat = value.reshape(-1).tolist()
@@ -130,3 +125,12 @@ def store(m: Arithmetic, memory: Memory, index: Node, value: Node, allowed: Node
         memory = Memory(node, memory.shape)
     node = m.graph.make("update", (memory.node, index, value, allowed), memory.dtype, None, size=memory.node.size)
     return Memory(node, memory.shape)
+
+
+def whole(m: Arithmetic, value: Value) -> Memory:
+    """The array as the whole of a node that is no input."""
+    memory = in_memory(m, value)
+    if memory.offset or memory.node.size != int(np.prod(memory.shape)) or memory.node.op == "constant":
+        flat = entries(m, memory).reshape(-1)
+        return Memory(m.graph.make("pack", tuple(flat), memory.dtype, None, size=len(flat)), memory.shape)
+    return memory

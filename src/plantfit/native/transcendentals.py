@@ -1,4 +1,4 @@
-"""exp, log and their kin from graph nodes: range reduction and polynomials, within 2 ulp.
+"""Elementary functions as graph nodes: range reduction and polynomials, within 2 ulp.
 
 Log, sine and cosine: the coefficients of fdlibm (Sun Microsystems, 1993: e_log.c, k_sin.c, k_cos.c). Exponential: the Taylor
 series to degree 13, whose remainder on |r| <= ln(2)/2 is below 5e-18. Reductions by multiples of ln 2 and pi/2 follow Cody and
@@ -32,7 +32,7 @@ _FAR = 2.0**20  # beyond it sine and cosine come from the C library
 
 
 def _polynomial(m: Arithmetic, coefficients: Sequence[float], x: Node) -> Node:
-    """sum c_i x^i by Estrin's scheme: short chains, so that little waits."""
+    """sum c_i x^i by Estrin's scheme, whose dependency chains are short."""
     terms = [m.number(c) for c in coefficients]
     while len(terms) > 1:
         pairs = [m.fma(terms[i + 1], x, terms[i]) for i in range(0, len(terms) - 1, 2)]
@@ -65,14 +65,14 @@ def _nearest(m: Arithmetic, x: Node) -> tuple[Node, Node]:
 
 
 def _exp_minus_one_near_zero(m: Arithmetic, r: Node, lost: Node | None = None) -> Node:
-    """exp(r + lost) - 1 for |r| <= ln(2)/2 and a lost of rounding size: r + (lost + r^2 (1/2 + r/6 + ...))."""
+    """exp(r + lost) - 1 for |r| <= ln(2)/2 and a rounding error `lost`: r + (lost + r^2 (1/2 + r/6 + ...))."""
     series = _polynomial(m, [1.0 / math.factorial(k) for k in range(2, 14)], r)
     square = m.mul(r, r)
     return m.fma(square, series, r) if lost is None else m.op("add", r, m.fma(square, series, lost))
 
 
 def exp(m: Arithmetic, x: Node) -> Node:
-    """e^x; two scalings, so that results below the normal range come out right."""
+    """e^x; scaled by two powers of two, neither of which leaves the normal range."""
     x = m.minimum(m.number(710.0), m.maximum(m.number(-746.0), x))
     n, whole = _nearest(m, x)
     r = m.fma(whole, m.number(-_LN2_LOW), m.fma(whole, m.number(-_LN2_HIGH), x))
@@ -114,7 +114,7 @@ def log(m: Arithmetic, x: Node) -> Node:
 
 
 def log1p(m: Arithmetic, x: Node) -> Node:
-    """ln(1 + x) with the rounding of 1 + x put back."""
+    """ln(1 + x), compensated for the rounding of 1 + x."""
     u = m.op("add", x, m.number(1.0))
     missing = m.op("div", m.op("sub", x, m.op("sub", u, m.number(1.0))), u)
     regular = m.op("and", m.compare("gt", u, m.number(0.0)), m.compare("lt", u, m.number(math.inf)))
@@ -123,7 +123,7 @@ def log1p(m: Arithmetic, x: Node) -> Node:
 
 
 def tanh(m: Arithmetic, x: Node) -> Node:
-    """tanh |x| = -t / d, d = t + 2, t = exp(-2 |x|) - 1, and the sign of x; the rounding of d and of the quotient is put back."""
+    """tanh |x| = -t / d, d = t + 2, t = exp(-2 |x|) - 1, with the sign of x; compensated for the rounding of d and of the quotient."""
     t = expm1(m, m.mul(m.number(-2.0), m.absolute(x)))
     d = m.op("add", t, m.number(2.0))
     lost = m.op("add", m.op("sub", m.number(2.0), d), t)
@@ -139,7 +139,7 @@ def logistic(m: Arithmetic, x: Node) -> Node:
 
 
 def _quadrant(m: Arithmetic, x: Node) -> tuple[Node, Node, Node]:
-    """(quarter turns as I64, sin r, cos r) with x = q pi/2 + r."""
+    """(q as I64, sin r, cos r) with x = q pi/2 + r."""
     shifted = m.fma(x, m.number(2.0 / math.pi), m.number(_ROUND))
     q = m.op("sub", shifted, m.number(_ROUND))
     r = x
@@ -155,6 +155,7 @@ def _quadrant(m: Arithmetic, x: Node) -> tuple[Node, Node, Node]:
 
 
 def _turned(m: Arithmetic, x: Node, turn: int, name: str) -> Node:
+    """sin(x + turn pi/2); from the C library where |x| is large."""
     q, sine, cosine = _quadrant(m, x)
     q = m.add(q, m.integer(turn))
     odd = m.compare("ne", m.op("and", q, m.integer(1)), m.integer(0))
@@ -174,8 +175,3 @@ def sin(m: Arithmetic, x: Node) -> Node:
 def cos(m: Arithmetic, x: Node) -> Node:
     """cos x."""
     return _turned(m, x, 1, "cos")
-
-
-def tan(m: Arithmetic, x: Node) -> Node:
-    """tan x from the C library."""
-    return m.libm("tan", x)

@@ -1,7 +1,4 @@
-"""From LLVM text to a function in memory: the host's processor, compilation, object code kept on disk.
-
-llvmlite is imported on first use; `available()` is False where it cannot be.
-"""
+"""From LLVM text to a function in memory; object code is cached on disk."""
 
 import ctypes
 import ctypes.util
@@ -10,79 +7,25 @@ import os
 import sys
 import tempfile
 import threading
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from plantfit.native.processor import host, llvm_binding
 from plantfit.native.unsupported import NativeUnsupported
 from plantfit.runtime import cache_folder
 
 _LOCK = threading.Lock()
 
 
-@dataclass(frozen=True)
-class Host:
-    """The processor: LLVM's name and features, lanes of float64 in a vector, vectors worth running together, fused multiply-add."""
-
-    cpu: str
-    features: str
-    width: int
-    vectors: int
-    fused: bool
-
-
-@cache
-def available() -> bool:
-    """Whether native loops can be compiled here: llvmlite is installed and knows this processor."""
-    if os.environ.get("PLANTFIT_NATIVE") == "0":
-        return False
-    try:
-        import llvmlite.binding as llvm
-
-        if tuple(llvm.llvm_version_info) < (20, 0, 0) or sys.maxsize < 2**32:
-            return False
-        return host().width > 0
-    except (ImportError, OSError, RuntimeError):
-        return False
-
-
-@cache
-def _llvm() -> Any:
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    if sys.platform == "win32":
-        _FLTUSED.value = 1
-        llvm.add_symbol("_fltused", ctypes.addressof(_FLTUSED))
-    return llvm
-
-
-_FLTUSED = ctypes.c_int(0)  # a symbol that Windows objects with floating point refer to
-
-
-@cache
-def host() -> Host:
-    """The processor this process runs on."""
-    llvm = _llvm()
-    features = llvm.get_host_cpu_features()
-    wide = bool(features.get("avx512f") and features.get("avx512dq") and features.get("avx512bw") and features.get("avx512vl"))
-    width = 8 if wide else 4 if features.get("avx2") else 2
-    # 4 vectors together need the 32 registers of AVX-512
-    arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
-    flags = features.flatten() + (",-prefer-256-bit" if wide else "")
-    return Host(llvm.get_host_cpu_name(), flags, width, 4 if wide else 2, arm or bool(features.get("fma")))
-
-
 @cache
 def _target_machine() -> Any:
-    llvm, here = _llvm(), host()
+    llvm, here = llvm_binding(), host()
     target = llvm.Target.from_triple(llvm.get_process_triple())
     return target.create_target_machine(cpu=here.cpu, features=here.features, opt=3, reloc="default", codemodel="jitdefault", jit=True)
 
 
 def key_of(text: str) -> str:
-    """Names the machine code of a text on this host."""
+    """The cache key of a text: a hash of it, the processor and the version of llvmlite."""
     import llvmlite
 
     here = host()
@@ -110,6 +53,7 @@ def find_libm(names: tuple[str, ...]) -> None:
 
 @cache
 def _find_one(name: str) -> None:
+    """Look a function up and add it to LLVM's symbols."""
     places = ["ucrtbase", "msvcrt"] if sys.platform == "win32" else [ctypes.util.find_library("m") or "", None]
     for place in places:
         if place == "":
@@ -118,13 +62,14 @@ def _find_one(name: str) -> None:
             function = getattr(ctypes.CDLL(place), name)
         except (OSError, AttributeError):
             continue
-        _llvm().add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+        llvm_binding().add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
         return
     raise NativeUnsupported(f"{name}, which the C library lacks")
 
 
 def _load(code: bytes) -> tuple[Any, int]:
-    llvm = _llvm()
+    """Link object code into the process: (engine, address of `entry`)."""
+    llvm = llvm_binding()
     target = llvm.Target.from_triple(llvm.get_process_triple())
     empty = llvm.parse_assembly("")
     engine = llvm.create_mcjit_compiler(empty, target.create_target_machine(opt=3, codemodel="jitdefault", jit=True))
@@ -134,6 +79,7 @@ def _load(code: bytes) -> tuple[Any, int]:
 
 
 def _object_code(text: str, key: str) -> bytes:
+    """Object code from the cache on disk, else compiled and put there."""
     file = cache_folder() / "native" / f"{key}.o"
     try:
         return file.read_bytes()
@@ -150,17 +96,13 @@ def _object_code(text: str, key: str) -> bytes:
 
 
 def compile_text(text: str) -> bytes:
-    """Object code of LLVM text, optimised for this host."""
+    """Object code of LLVM text, optimised for the host."""
     return _target_machine().emit_object(_optimised(text))
 
 
-def assembly(text: str) -> str:
-    """What `compile_text` makes, to be read."""
-    return _target_machine().emit_assembly(_optimised(text))
-
-
 def _optimised(text: str) -> Any:
-    llvm, machine = _llvm(), _target_machine()
+    """The module after LLVM's -O3 pipeline without its vectorisers and unrolling: the text is vectorised already."""
+    llvm, machine = llvm_binding(), _target_machine()
     module = llvm.parse_assembly(f'target triple = "{llvm.get_process_triple()}"\ntarget datalayout = "{machine.target_data}"\n{text}')
     module.verify()
     options = llvm.create_pipeline_tuning_options(speed_level=3)

@@ -1,6 +1,6 @@
-"""Passes over a finished graph: unused nodes go, divisions by one number share a reciprocal, products join sums.
+"""Passes over a traced graph: dead code elimination, shared reciprocals, contraction to fused multiply-add.
 
-Contraction is decided here and not by LLVM, so that a lane gives the same bits whatever is batched.
+Contraction is decided here and not by LLVM, so that a lane gives the same bits in every batch.
 """
 
 from collections import Counter
@@ -9,19 +9,19 @@ from collections.abc import Sequence
 from plantfit.native.graph import F64, Node, Region, all_regions, regions_of
 
 
-def improve(regions: Sequence[Region], *, fuse: bool) -> None:
-    """Change the regions (prologue, body) in place; `fuse` where the processor has fused multiply-add."""
-    _drop_unused(regions)
+def run_passes(regions: Sequence[Region], *, contract: bool) -> None:
+    """Change the regions (prologue, body) in place; `contract` where the processor has fused multiply-add."""
+    _eliminate_dead_code(regions)
     for top in regions:
         for region in all_regions(top):
             _share_reciprocals(region)
-    if fuse:
-        _drop_unused(regions)
-        _fuse(regions)
-    _drop_unused(regions)
+    if contract:
+        _eliminate_dead_code(regions)
+        _contract(regions)
+    _eliminate_dead_code(regions)
 
 
-def _drop_unused(regions: Sequence[Region]) -> None:
+def _eliminate_dead_code(regions: Sequence[Region]) -> None:
     used: set[int] = set()
 
     def mark(nodes: Sequence[Node]) -> None:
@@ -43,7 +43,7 @@ def _drop_unused(regions: Sequence[Region]) -> None:
 
 
 def _share_reciprocals(region: Region) -> None:
-    """a/c and b/c become a (1/c) and b (1/c): one division, at most one more rounding error each."""
+    """a/c and b/c become a (1/c) and b (1/c): one division, and at most one more rounding error each."""
     shared = Counter(id(n.args[1]) for n in region.code if n.op == "div" and n.dtype == F64)
     inverse: dict[int, Node] = {}
     code: list[Node] = []
@@ -58,8 +58,8 @@ def _share_reciprocals(region: Region) -> None:
     region.code = code
 
 
-def _fuse(regions: Sequence[Region]) -> None:
-    """Products that are used once, by a sum or difference, become part of it."""
+def _contract(regions: Sequence[Region]) -> None:
+    """A product that is used once, by a sum or difference, is fused with it."""
     uses: Counter[int] = Counter()
     everywhere = [r for top in regions for r in all_regions(top)]
     for region in everywhere:
@@ -68,10 +68,10 @@ def _fuse(regions: Sequence[Region]) -> None:
     for region in everywhere:
         for node in region.code:
             if node.op in ("add", "sub") and node.dtype == F64:
-                _fuse_one(node, uses)
+                _contract_one(node, uses)
 
 
-def _fuse_one(node: Node, uses: Counter[int]) -> None:
+def _contract_one(node: Node, uses: Counter[int]) -> None:
     left, right = node.args
     minus = node.op == "sub"
     if right.op == "mul" and uses[id(right)] == 1:

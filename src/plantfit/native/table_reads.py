@@ -1,7 +1,6 @@
-"""Table reads that repeat: which loads, and what follows from them alone, need no work while an index stays where it is.
+"""Table reads to cache between steps: loads, and what follows from them alone, are repeated only when an index has changed.
 
-A state moves slowly through a table, so the entries around it are kept between steps and read again only when some lane
-has left its cell.
+A state moves slowly through a table, so the entries around it are read again only when some lane has left its cell.
 """
 
 from collections import Counter
@@ -9,11 +8,11 @@ from dataclasses import dataclass
 
 from plantfit.native.graph import Node, Region, all_regions, regions_of
 
-_LATER = {"load", "loop", "while", "cond", "get", "pack", "update", "libm", "patched", "xload", "constant", "cload"}
+_UNCACHED = {"load", "loop", "while", "cond", "get", "pack", "update", "libm", "patched", "xload", "constant", "cload"}
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
+class TableReads:
     """Loads at one index and the nodes that follow from them, in order; `kept` are the ones used elsewhere."""
 
     index: Node
@@ -21,20 +20,20 @@ class Remembered:
     kept: tuple[Node, ...]
 
 
-def remembered(body: Region) -> dict[Node, Remembered]:
-    """For every node that belongs to one, its group."""
+def table_reads(body: Region) -> dict[Node, TableReads]:
+    """The group of every node that belongs to one."""
     uses: Counter[int] = Counter()
     for region in all_regions(body):
         uses.update(id(a) for n in region.code for a in n.args)
         uses.update(id(r) for r in region.results)
-    found: dict[Node, Remembered] = {}
+    found: dict[Node, TableReads] = {}
     for region in all_regions(body):
         for group in _groups(region, uses):
             found.update(dict.fromkeys(group.nodes, group))
     return found
 
 
-def _groups(region: Region, uses: Counter[int]) -> list[Remembered]:
+def _groups(region: Region, uses: Counter[int]) -> list[TableReads]:
     member: dict[Node, Node] = {}  # to the index of its group
     nodes: dict[Node, list[Node]] = {}
     for node in region.code:
@@ -47,16 +46,16 @@ def _groups(region: Region, uses: Counter[int]) -> list[Remembered]:
         if sum(n.op == "load" for n in inside) > 1:
             within = Counter(id(a) for n in inside for a in n.args)
             kept = tuple(n for n in inside if uses[id(n)] > within[id(n)])
-            groups.append(Remembered(index, tuple(inside), kept))
+            groups.append(TableReads(index, tuple(inside), kept))
     return groups
 
 
 def _index(node: Node, member: dict[Node, Node]) -> Node | None:
-    """The index that a node follows from alone, together with what never changes."""
+    """The one index that a node depends on, besides loop invariants."""
     if node.op == "load":
         array, index = node.args
         return index if array.depth == 0 and index.depth > 0 else None
-    if node.op in _LATER or regions_of(node) or node.size is not None:
+    if node.op in _UNCACHED or regions_of(node) or node.size is not None:
         return None
     moving = [member.get(a) for a in node.args if a.depth > 0]
     return moving[0] if moving and all(m is moving[0] and m is not None for m in moving) else None
