@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from plantfit.optimize import Objective, minimise
-from plantfit.optimize.cmaes import strategy
 
 import jax.numpy as jnp
 
@@ -41,21 +40,3 @@ def rosenbrock(x):
 def test_median_of_five(method, function, settings, bound):
     results = minimise(Objective(D, function), method, runs=5, budget=20_000, seed=3, settings=settings)
     assert np.median([r.cost for r in results]) < bound
-
-
-@pytest.mark.parametrize("n", [1, 2, 10, 310])
-def test_strategy_parameters(n):
-    rows = 4 + int(3 * np.log(n))
-    s = strategy(rows, n)
-    assert np.isclose(s.w[s.w > 0].sum(), 1.0)
-    assert np.isclose(s.mu_eff, 1 / np.sum(s.w[s.w > 0] ** 2))
-    assert s.w[s.w < 0].sum() < 0
-    assert 0 < s.c_1 + s.c_mu <= 1
-    # the update keeps the covariance positive definite even if all negative weights fall on one axis
-    assert 1 - s.c_1 - s.c_mu * s.w.sum() + n * s.c_mu * s.w[s.w < 0].sum() >= -1e-12
-
-
-def test_cmaes_restarts_from_a_flat_start_and_ends():
-    [r] = minimise(Objective(2, lambda x: 0.0 * x[:, 0]), "cmaes", budget=50_000, settings={"restarts": 2})
-    assert r.status == "converged"
-    assert r.evaluations < 2000

@@ -10,24 +10,27 @@ import numpy as np
 from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import RunResult
 
+FORMAT = 2  # of the arrays; counts up when the loop's carry or history changes
+NO_HISTORY = np.zeros((0, 0, 2))
+
 
 @dataclass(frozen=True)
 class Checkpoint:
     """Finished runs and, for population methods, the arrays of the group of runs under way.
 
     `identity` describes the search; resuming another search with it is refused. `arrays` are the leaves
-    of the loop's carry, `history` the best costs (generations, runs of the group) so far.
+    of the loop's carry, `history` (generations, runs of the group, 2) evaluations and best costs so far.
     """
 
     identity: str
     finished: tuple[RunResult, ...] = ()
     arrays: tuple[np.ndarray, ...] = ()
-    history: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    history: np.ndarray = field(default_factory=lambda: NO_HISTORY)
 
     def to_bytes(self) -> bytes:
         """An npz archive without pickles; seconds and `extra` travel as JSON."""
         table: dict[str, Any] = {"history": self.history}
-        head = {"identity": self.identity, "arrays": len(self.arrays), "finished": [_head(r) for r in self.finished]}
+        head = {"format": FORMAT, "identity": self.identity, "arrays": len(self.arrays), "finished": [_head(r) for r in self.finished]}
         table["head"] = np.array(json.dumps(head))
         for i, array in enumerate(self.arrays):
             table[f"array{i}"] = array
@@ -43,6 +46,8 @@ class Checkpoint:
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as table:
                 head = json.loads(str(table["head"]))
+                if head.get("format") != FORMAT:
+                    raise ValueError("written by another version")
                 arrays = tuple(table[f"array{i}"] for i in range(head["arrays"]))
                 runs = tuple(_run(h, table[f"x{i}"], table[f"n{i}"], table[f"f{i}"]) for i, h in enumerate(head["finished"]))
                 return Checkpoint(head["identity"], runs, arrays, table["history"])

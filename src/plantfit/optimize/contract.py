@@ -38,6 +38,7 @@ class Facts(NamedTuple):
     budget: int
     lower: np.ndarray | None = None
     upper: np.ndarray | None = None
+    start: np.ndarray | None = None  # warm starts (k, d), which also replace rows of the first generation
 
 
 class Population(Protocol):
@@ -79,6 +80,18 @@ class Refreshing(Population, Protocol):
         ...
 
 
+class Shrinking(Population, Protocol):
+    """A population method whose generations need not fill all its rows (a population that shrinks)."""
+
+    def live(self, state: State) -> Array:
+        """How many rows, counted from the first, the next generation uses: an int from 1 to `rows`.
+
+        The same before and after `ask`. Only these candidates are evaluated and charged; `tell` gets +inf
+        for the others.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class Objective:
     """A cost over the unit cube, with whatever derivatives it has.
@@ -99,6 +112,7 @@ class Objective:
     value_and_gradient: Callable[[np.ndarray], tuple[float, np.ndarray]] | None = None
     residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     compressed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    batch_residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     separable: tuple[np.ndarray, ...] | None = None
     blocks: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
     gradient_charge: float = 3.0

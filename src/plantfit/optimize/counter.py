@@ -118,6 +118,25 @@ class Counter:
         self._after()
         return r, jacobian
 
+    def residuals_and_jacobians(self, x: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n, m) and Jacobians (n, m, d) of n points, at most `width`; a failed point has NaN residuals.
+
+        The objective sees `width` points every time, filled up with the first, so that it is compiled once.
+        """
+        assert self.objective.batch_residuals_and_jacobian is not None
+        price, n = self.objective.jacobian_charge, len(x)
+        self._charge(n * price)
+        full = np.concatenate([x, np.repeat(x[:1], width - n, axis=0)])
+        r, jacobian = (np.asarray(a, dtype=float)[:n] for a in self.objective.batch_residuals_and_jacobian(full))
+        # residuals whose squares overflow cannot be compared either
+        works = np.all(np.abs(r) < 1e150, axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))
+        r, jacobian = np.where(works[:, None], r, np.nan), np.where(works[:, None, None], jacobian, 0.0)
+        for k in range(n):
+            cost = float(np.mean(r[k] ** 2))
+            self._record(x[k], cost, cost, self.spent - (n - 1 - k) * price)
+        self._after()
+        return r, jacobian
+
     def blocks(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Residuals and derivatives of every separable group; a failed group has residuals that are not finite."""
         assert self.objective.blocks is not None

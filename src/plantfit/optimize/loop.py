@@ -61,9 +61,9 @@ def minimise(
     plan = Plan(objective, name, identity, runs, first_run, budget, seed, target, stagnation, progress, checkpoint, resume, stop)
     extra: dict[str, Any] = {}
     if hasattr(chosen, "choose"):
-        chosen, reason = chosen.choose(objective)  # type: ignore[union-attr]
+        chosen, reason = chosen.choose(objective, budget)  # type: ignore[union-attr]
         extra = {"reason": reason}
-    _check_needs(name, chosen, objective)
+    check_needs(name, chosen, objective)
     if hasattr(chosen, "run"):
         return run_host(plan, chosen, extra)  # type: ignore[arg-type]
     return run_population(plan, chosen, extra)  # type: ignore[arg-type]
@@ -85,7 +85,8 @@ def _check_objective(objective: Objective) -> None:
         raise SearchError(f"Warm starts have shape {start.shape}; give finite cube points of shape (k, {d}).")
 
 
-def _check_needs(name: str, method: Population | Host, objective: Objective) -> None:
+def check_needs(name: str, method: Population | Host, objective: Objective) -> None:
+    """Raise SearchError when the method needs what the objective does not offer."""
     needs = method.needs
     if needs.gradient and objective.value_and_gradient is None:
         raise SearchError(f"Method {name!r} needs a gradient, but the problem has none; choose 'cmaes', 'pso' or 'auto'.")

@@ -15,7 +15,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
-from plantfit.optimize.checkpoint import Checkpoint
+from plantfit.optimize.checkpoint import NO_HISTORY, Checkpoint
 from plantfit.optimize.contract import Facts, Objective, Population, RunResult
 from plantfit.optimize.plan import Plan
 from plantfit.optimize.progress import estimate
@@ -30,7 +30,7 @@ BLOCK = 256  # most generations between two looks at the clock
 SIDE_BY_SIDE = 1024  # most candidates evaluated at once
 REPORT_SECONDS = 0.5
 
-ENDINGS = (Status.running, Status.converged, Status.stagnated, Status.target)
+ENDINGS = (Status.running, Status.converged, Status.stagnated, Status.target, Status.budget)
 PADDING = -1
 
 
@@ -40,7 +40,7 @@ class Carry(NamedTuple):
     state: Any
     best_x: Array
     best_f: Array
-    generations: Array
+    evaluations: Array
     improved_at: Array  # evaluations at the last improvement
     failures: Array
     ending: Array
@@ -58,26 +58,29 @@ def chunk_of(rows: int) -> int:
     return min(CHUNK, -(-rows // LANES) * LANES)
 
 
-def _begin(method: Population, facts: Facts) -> Callable:
-    def one(key: Array) -> Carry:
-        zero = jnp.zeros((), int)
-        state = method.init(jax.random.fold_in(key, 2**31), facts)
-        return Carry(state, jnp.full(facts.dimension, 0.5), jnp.asarray(jnp.inf), zero, zero, zero, zero)
+def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
+    """One run before its first generation; `key` is that of the run."""
 
     def strong(a: Array) -> Array:
         # weak types would make jax compile `advance` a second time
         return lax.convert_element_type(a, a.dtype)
 
-    return jax.jit(lambda keys: jax.tree.map(strong, lax.map(one, keys)))
+    zero = jnp.zeros((), int)
+    state = method.init(jax.random.fold_in(key, 2**31), facts)
+    return jax.tree.map(strong, Carry(state, jnp.full(facts.dimension, 0.5), jnp.asarray(jnp.inf), zero, zero, zero, zero))
+
+
+def _begin(method: Population, facts: Facts) -> Callable:
+    return jax.jit(lambda keys: lax.map(partial(first_carry, method, facts), keys))
 
 
 @lru_cache(maxsize=32)
 def _advance(costs: Callable, method: Population, rows: int, dimension: int, period: int | None) -> Callable:
     """Compile `advance`, which runs generations first..last-1 and returns (carry, history, end).
 
-    `history` (BLOCK, runs) holds the best cost after each generation, `end` is the generation reached:
-    less than `last` when all runs have ended. The number of generations is data, not shape, so results
-    cannot depend on how blocks are cut. `chunks` covers the rows of the group that are not padding.
+    `history` (BLOCK, runs, 2) holds evaluations and best cost after each generation, `end` is the generation
+    reached: less than `last` when all runs have ended. The number of generations is data, not shape, so
+    results cannot depend on how blocks are cut.
     """
 
     size = chunk_of(rows)
@@ -88,24 +91,36 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
             raise SearchError(f"The cost returned shape {f.shape} for {size} candidates; it must return one cost for each.")
         return f
 
-    def evaluate(x: Array, chunks: Array) -> Array:
-        # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
+    def evaluate(x: Array, counts: Array) -> Array:
+        """Costs (runs, rows) of the first `counts` candidates of each run, +inf for the others."""
         flat = x.reshape(-1, dimension)
-        count = -(-len(flat) // size)
-        filled = jnp.concatenate([flat, jnp.full((count * size - len(flat), dimension), 0.5)]).reshape(count, size, dimension)
-        empty = jnp.full((count, size), jnp.inf)
-        f = lax.fori_loop(0, chunks, lambda i, f: f.at[i].set(chunk_costs(filled[i])), empty)
-        f = f.reshape(-1)[: len(flat)].reshape(x.shape[:2])
+        live = (jnp.arange(rows) < counts[:, None]).reshape(-1)
+        place = jnp.cumsum(live) - 1
+        padded = -(-len(flat) // size) * size
+        source = jnp.zeros(padded, int).at[jnp.where(live, place, padded)].set(jnp.arange(len(flat)), mode="drop")
+
+        def chunk(i: Array, f: Array) -> Array:
+            return f.at[i].set(chunk_costs(flat[lax.dynamic_slice_in_dim(source, i * size, size)]))
+
+        # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
+        f = lax.fori_loop(0, -(-jnp.sum(live) // size), chunk, jnp.full((padded // size, size), jnp.inf))
+        f = jnp.where(live, f.reshape(-1)[place], jnp.inf).reshape(x.shape[:2])
         return jnp.where(jnp.isfinite(f), f, jnp.inf)
 
-    def generation(carry: Carry, g: Array, keys: Array, start: Array, chunks: Array, target: Array, patience: Array) -> Carry:
-        state = carry.state
+    def due(state: Any, runs: int) -> Array:
+        """Evaluations (runs,) of the next generation."""
+        live = getattr(method, "live", None)
+        return jnp.full(runs, rows) if live is None else jnp.clip(jax.vmap(live)(state), 1, rows)
+
+    def generation(carry: Carry, g: Array, keys: Array, start: Array, budget: Array, target: Array, patience: Array) -> Carry:
+        state, active = carry.state, carry.ending == 0
         if period is not None:
             state = lax.cond(g % period == 0, partial(lax.map, method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
+        counts = jnp.where(active, due(state, len(keys)), 0)
         x, state = lax.map(lambda ks: method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
         if start.shape[0]:
             x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
-        f = evaluate(x, chunks)
+        f = evaluate(x, counts)
         state, info = lax.map(lambda told: method.tell(*told), (state, x, f))
         no = jnp.zeros(len(keys), bool)
         row = jnp.argmin(f, axis=1)
@@ -113,28 +128,28 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
         better = lowest < carry.best_f
         best_f = jnp.where(better, lowest, carry.best_f)
         best_x = jnp.where(better[:, None], jnp.take_along_axis(x, row[:, None, None], axis=1)[:, 0], carry.best_x)
-        generations = carry.generations + 1
-        improved_at = jnp.where(better, generations * rows, carry.improved_at)
-        stale = info.get("stagnated", no) | (generations * rows - improved_at >= patience)
-        ending = jnp.select([best_f <= target, info.get("stop", no), stale], [3, 1, 2], 0)
-        failures = carry.failures + jnp.sum(~jnp.isfinite(f), axis=1)
-        new = Carry(state, best_x, best_f, generations, improved_at, failures, ending)
-        active = carry.ending == 0
+        evaluations = carry.evaluations + counts
+        improved_at = jnp.where(better, evaluations, carry.improved_at)
+        stale = info.get("stagnated", no) | (evaluations - improved_at >= patience)
+        spent = evaluations + due(state, len(keys)) > budget
+        ending = jnp.select([best_f <= target, info.get("stop", no), stale, spent], [3, 1, 2, 4], 0)
+        failures = carry.failures + counts - jnp.sum(jnp.isfinite(f), axis=1)
+        new = Carry(state, best_x, best_f, evaluations, improved_at, failures, ending)
         return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, carry)
 
     def advance(
-        carry: Carry, keys: Array, start: Array, chunks: Array, first: Array, last: Array, target: Array, patience: Array
+        carry: Carry, keys: Array, start: Array, first: Array, last: Array, budget: Array, target: Array, patience: Array
     ) -> tuple[Carry, Array, Array]:
         def step(loop):
             carry, history, g = loop
-            carry = generation(carry, g, keys, start, chunks, target, patience)
-            return carry, lax.dynamic_update_index_in_dim(history, carry.best_f, g - first, 0), g + 1
+            carry = generation(carry, g, keys, start, budget, target, patience)
+            mark = jnp.stack([carry.evaluations.astype(float), carry.best_f], axis=-1)
+            return carry, lax.dynamic_update_index_in_dim(history, mark, g - first, 0), g + 1
 
         def going(loop):
             return (loop[2] < last) & jnp.any(loop[0].ending == 0)
 
-        history = jnp.full((BLOCK, len(keys)), jnp.inf)
-        return lax.while_loop(going, step, (carry, history, first))
+        return lax.while_loop(going, step, (carry, jnp.zeros((BLOCK, len(keys), 2)), first))
 
     return jax.jit(advance)
 
@@ -151,7 +166,7 @@ def program(objective: Objective, method: Population, facts: Facts) -> Program:
 def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> list[RunResult]:
     """All runs of the plan, in groups of equal width that run one after another."""
     objective = plan.objective
-    facts = Facts(objective.dimension, plan.budget, objective.lower, objective.upper)
+    facts = Facts(objective.dimension, plan.budget, objective.lower, objective.upper, objective.start)
     rows = method.rows(facts)
     if rows < method.needs.minimum_population:
         raise SearchError(f"Method {plan.name!r} needs a population of at least {method.needs.minimum_population}, not {rows}.")
@@ -170,7 +185,7 @@ def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> lis
     while len(finished) < plan.runs and not (finished and plan.stopped()):
         group = _Group(plan, compiled, rows, width, finished, extra)
         finished += group.run(arrays, history)
-        arrays, history = (), np.zeros((0, 0))
+        arrays, history = (), NO_HISTORY
     return finished
 
 
@@ -198,20 +213,19 @@ class _Group:
         start = np.zeros((0, plan.objective.dimension)) if plan.objective.start is None else np.clip(plan.objective.start, 0.0, 1.0)
         target = -np.inf if plan.target is None else plan.target
         patience = 2**62 if plan.stagnation is None else plan.stagnation
-        chunks = -(-members * self.rows // chunk_of(self.rows))
-        done, last = len(history), plan.budget // self.rows
+        done = len(history)
 
         def advance(carry: Carry, upto: int):
-            return self.compiled.advance(carry, keys, jnp.asarray(start[: self.rows]), chunks, done, upto, target, patience)
+            return self.compiled.advance(carry, keys, jnp.asarray(start[: self.rows]), done, upto, plan.budget, target, patience)
 
         jax.block_until_ready(advance(carry, done))  # compiles, computes nothing
         compiled_at = time.perf_counter()
-        blocks, block, resumed = [history.reshape(done, self.width)], 1, done
-        while done < last and np.any(np.asarray(carry.ending) == 0) and not plan.stopped():
+        blocks, block, resumed = [history.reshape(done, self.width, 2)], 1, float(np.sum(carry.evaluations))
+        while np.any(np.asarray(carry.ending) == 0) and not plan.stopped():
             tick = time.perf_counter()
-            carry, best, reached = advance(carry, min(done + block, last))
+            carry, marks, reached = advance(carry, done + block)
             gained = int(reached) - done
-            blocks.append(np.asarray(best)[:gained])
+            blocks.append(np.asarray(marks)[:gained])
             done += gained
             pace = REPORT_SECONDS / max(time.perf_counter() - tick, 1e-6)
             block = int(np.clip(block * min(max(pace, 0.25), 4.0), 1, BLOCK))
@@ -220,38 +234,35 @@ class _Group:
                 leaves = tuple(np.asarray(a) for a in jax.tree.leaves(carry))
                 plan.checkpoint(Checkpoint(plan.identity, tuple(self.finished), leaves, np.concatenate(blocks)))
         times = {"seconds": (time.perf_counter() - compiled_at) / members, "compile": compiled_at - began}
-        return self._results(jax.tree.map(np.asarray, carry._replace(state=())), members, np.concatenate(blocks), last, times)
+        return self._results(jax.tree.map(np.asarray, carry._replace(state=())), members, np.concatenate(blocks), times)
 
-    def _tell(self, carry: Carry, members: int, resumed: int, seconds: float) -> None:
+    def _tell(self, carry: Carry, members: int, resumed: float, seconds: float) -> None:
         plan = self.plan
         if plan.progress is None:
             return
-        generations, ending = np.asarray(carry.generations)[:members], np.asarray(carry.ending)[:members]
-        over = (ending != 0) | (generations >= plan.budget // self.rows)
+        evaluations, over = np.asarray(carry.evaluations)[:members], np.asarray(carry.ending)[:members] != 0
         before = sum(r.evaluations for r in self.finished)
         earlier = sum(r.seconds for r in self.finished)
         best = min([float(np.min(np.asarray(carry.best_f)[:members])), *(r.cost for r in self.finished)])
-        spent = before + float(np.sum(np.where(over, plan.budget, generations * self.rows)))
+        spent = before + float(np.sum(np.where(over, plan.budget, evaluations)))
         total = float(plan.runs * plan.budget)
-        evaluations = before + float(np.sum(generations) * self.rows)
-        progress = estimate(len(self.finished) + int(np.sum(over)), plan.runs, spent, resumed * self.rows * members, total, best, seconds)
-        plan.progress(dataclasses.replace(progress, evaluations=evaluations, seconds=earlier + seconds))
+        progress = estimate(len(self.finished) + int(np.sum(over)), plan.runs, spent, resumed, total, best, seconds)
+        plan.progress(dataclasses.replace(progress, evaluations=before + float(np.sum(evaluations)), seconds=earlier + seconds))
 
-    def _results(self, carry: Carry, members: int, history: np.ndarray, last: int, times: dict[str, float]) -> list[RunResult]:
+    def _results(self, carry: Carry, members: int, history: np.ndarray, times: dict[str, float]) -> list[RunResult]:
         results = []
         for k in range(members):
-            generations, cost = int(carry.generations[k]), float(carry.best_f[k])
+            evaluations, cost = float(carry.evaluations[k]), float(carry.best_f[k])
             status = ENDINGS[int(carry.ending[k])]
             if status is Status.running:
-                status = Status.budget if generations >= last else Status.interrupted
+                status = Status.interrupted
             if not np.isfinite(cost) and status is not Status.interrupted:
                 status = Status.failed
-            curve = history[:generations, k]
-            better = np.flatnonzero(curve < np.concatenate([[np.inf], curve[:-1]])) if generations else np.zeros(0, int)
-            at = (better + 1) * self.rows
-            costs = curve[better]
-            if generations and (len(at) == 0 or at[-1] != generations * self.rows):
-                at, costs = np.append(at, generations * self.rows), np.append(costs, cost)
+            at, curve = history[:, k].T
+            better = curve < np.concatenate([[np.inf], curve[:-1]])
+            at, costs = at[better], curve[better]
+            if evaluations and (len(at) == 0 or at[-1] != evaluations):
+                at, costs = np.append(at, evaluations), np.append(costs, cost)
             results.append(
                 RunResult(
                     method=self.plan.name,
@@ -259,11 +270,11 @@ class _Group:
                     seed=self.plan.seed,
                     x=np.array(carry.best_x[k]),
                     cost=cost,
-                    evaluations=float(generations * self.rows),
+                    evaluations=evaluations,
                     seconds=times["seconds"],
                     status=status,
-                    history_evaluations=at.astype(float),
-                    history_cost=np.array(costs, dtype=float),
+                    history_evaluations=at,
+                    history_cost=costs,
                     failures=int(carry.failures[k]),
                     extra={**self.extra, "compile_seconds": times["compile"]},
                 )

@@ -27,10 +27,15 @@ def warm_then_uniform(start: np.ndarray | None, dimension: int, rng: np.random.G
 
 def sobol(n: int, dimension: int, rng: np.random.Generator) -> np.ndarray:
     """n points (n, d) of a scrambled Sobol sequence (Owen 1998)."""
+    return following(qmc.Sobol(dimension, scramble=True, rng=rng), n)
+
+
+def following(sequence: qmc.Sobol, n: int) -> np.ndarray:
+    """The next n points (n, d) of a sequence."""
     with warnings.catch_warnings():
-        # the balance of powers of two is not needed for starts
+        # the balance of powers of two is not needed here
         warnings.simplefilter("ignore", UserWarning)
-        return qmc.Sobol(dimension, scramble=True, rng=rng).random(n)
+        return sequence.random(n)
 
 
 def far_apart(points: np.ndarray, costs: np.ndarray, share: float = 0.25) -> tuple[list[int], list[int]]:

@@ -28,7 +28,8 @@ def from_residuals(residuals: Callable[[Array], Any], dimension: int) -> Objecti
 
     gradient = jax.jit(jax.value_and_grad(cost))
     both = jax.jit(lambda x: (residuals(x), jax.jacfwd(residuals)(x)))
-    return Objective(dimension, costs, gradient, both)
+    box = np.ones(dimension)  # for methods that read bounds in units
+    return Objective(dimension, costs, gradient, both, lower=-box, upper=box)
 
 
 def centre(dimension: int) -> np.ndarray:
