@@ -1,5 +1,7 @@
 # One command each; `make help` lists them. PYTHON=python3.12 picks another interpreter.
 PYTHON ?= python3
+# processes that share the tests
+WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install --quiet --constraint constraints.txt
@@ -8,7 +10,7 @@ DEV := $(VENV)/.dev
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-slow check bench browser clean
+.PHONY: help demo test test-slow check bench bbob browser postgres clean
 
 help:  ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
@@ -16,10 +18,10 @@ help:  ## This list
 demo: $(CORE)  ## Fit a motor from a recording and write the report
 	$(BIN)/plantfit demo gearmotor
 
-test: $(DEV) browser  ## All fast tests
-	$(BIN)/python -m pytest -m "not slow"
+test: $(DEV) browser postgres  ## All fast tests
+	$(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist worksteal
 
-test-slow: $(DEV) browser  ## Longer studies
+test-slow: $(DEV) browser postgres  ## Longer studies
 	$(BIN)/python -m pytest -m slow
 
 check: $(DEV)  ## Lint, format, types, imports between rooms
@@ -27,6 +29,10 @@ check: $(DEV)  ## Lint, format, types, imports between rooms
 	$(BIN)/ruff format --check src tests benchmarks
 	$(BIN)/pyright
 	$(BIN)/python -m pytest tests/test_import_graph.py
+
+bbob: $(DEV)  ## Hold the optimizers to other implementations on BBOB (hours); QUICK=1 for a look at one of them
+	@$(PIP) --editable '.[rivals]'
+	$(BIN)/python -m benchmarks.bbob $(if $(QUICK),--methods pso --dimensions 5 --quick,--methods all)
 
 bench: $(DEV)  ## Time the engine against other solvers; QUICK=1 for under a minute
 	QUICK=$(QUICK) $(BIN)/python -m benchmarks
@@ -56,3 +62,10 @@ browser:
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null \
 	&& { apt-get install -y --no-install-recommends chromium || { apt-get update && apt-get install -y --no-install-recommends chromium; }; } >/dev/null 2>&1; then :; \
 	else echo "NOTE: no Chromium here and none could be installed: the tests that open the report in a browser are SKIPPED."; fi
+
+# Stores are also tested on a PostgreSQL of the tests' own, where there is one or one can be installed.
+postgres:
+	@if ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null \
+	&& { apt-get install -y --no-install-recommends postgresql || { apt-get update && apt-get install -y --no-install-recommends postgresql; }; } >/dev/null 2>&1; then :; \
+	else echo "NOTE: no PostgreSQL here and none could be installed: the tests of stores in PostgreSQL are SKIPPED."; fi

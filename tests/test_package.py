@@ -42,7 +42,7 @@ def test_every_dependency_is_pinned_inside_its_range(extra):
     wanted = PROJECT["dependencies"] if extra is None else PROJECT["optional-dependencies"][extra]
     pins = {_normal(n): v for n, v in PINS.items()}
     for requirement in wanted:
-        name, low = re.fullmatch(r"([\w.-]+)>=([\d.]+)", requirement).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        name, low = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=([\d.]+)(?:;.*)?", requirement).groups()  # pyright: ignore[reportOptionalMemberAccess]
         assert _normal(name) in pins, f"{name} has no line in constraints.txt"
         assert _numbers(pins[_normal(name)]) >= _numbers(low)
 
@@ -53,7 +53,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def test_pins_are_exact_and_name_no_address():
     text = (ROOT / "constraints.txt").read_text("utf-8")
-    assert all(re.fullmatch(r"[\w.-]+==[\w.]+|#.*", line) for line in text.splitlines() if line)
+    assert all(re.fullmatch(r"[\w.-]+==[\w.]+( ; python_version [<>=]+ '[\d.]+')?|#.*", line) for line in text.splitlines() if line)
     assert "://" not in text
 
 

@@ -110,7 +110,7 @@ class SearchTable(_Table):
     budget: int | None = None
     seed: int = 1
     settings: dict[str, dict[str, Any]] = {}
-    shooting: int | None = Field(None, ge=1)
+    shooting: Annotated[int, Field(ge=1)] | None = None
 
 
 class SpecTable(_Table):
@@ -154,14 +154,14 @@ def load(path: str | Path) -> Study:
     return parse(text, path)
 
 
-def parse(text: str, path: str | Path = "study.toml") -> Study:
-    """The same from a text; recordings are looked for beside `path`."""
+def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> Study:
+    """The same from a text; recordings are looked for beside `path`, or where `files` says."""
     path = Path(path)
     table = validated(text, path)
     model = _model(table, path)
     problem = Problem(
         model,
-        {n: _experiment(n, r, path) for n, r in table.recording.items()},
+        {n: _experiment(n, r, path, files or {}) for n, r in table.recording.items()},
         {n: _parameter(p) for n, p in table.parameters.items()},
         scales=table.scales,
         hold=table.model.hold,
@@ -257,9 +257,14 @@ def _parameter(p: ParameterTable) -> Parameter:
     return Parameter(p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence)
 
 
-def read_recording(name: str, r: RecordingTable, path: Path) -> rec.Recording:
+def recording_file(r: RecordingTable, path: Path) -> Path:
+    """Where the file of a recording lies."""
+    return Path(r.file) if Path(r.file).is_absolute() else path.parent / r.file
+
+
+def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path] | None = None) -> rec.Recording:
     """The recording of one table, cleaned as it says."""
-    file = Path(r.file) if Path(r.file).is_absolute() else path.parent / r.file
+    file = (files or {}).get(r.file) or recording_file(r, path)
     given = {
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None,
@@ -283,8 +288,8 @@ def read_recording(name: str, r: RecordingTable, path: Path) -> rec.Recording:
     return record
 
 
-def _experiment(name: str, r: RecordingTable, path: Path) -> Experiment:
-    record = read_recording(name, r, path)
+def _experiment(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
+    record = read_recording(name, r, path, files)
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")

@@ -61,7 +61,7 @@ def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, mon
 
 
 @pytest.mark.parametrize(
-    ("at", "said"), [("tua=3", "no free parameter 'tua'"), ("tau=many", "write name=value"), ("tau=-5", "outside its bounds")]
+    ("at", "said"), [("tua=3", "no free parameter 'tua'"), ("tau=many", "write NAME=NUMBER"), ("tau=-5", "outside its bounds")]
 )
 def test_check_refuses_values_in_one_sentence(folder, capsys, monkeypatch, at, said):
     answer = call(capsys, monkeypatch, "check", "heater.toml", "--verify", "--at", at)

@@ -221,7 +221,7 @@ def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
     drawn = subprocess.run([chromium, *options, path.as_uri()], capture_output=True, text=True, timeout=90).stdout
     page = Page(drawn)
     count = len(figures_in(drawn))
-    assert count == 10
+    assert count == 17
     assert sum("main-svg" in (attrs.get("class") or "") for tag, attrs in page.tags if tag == "svg") >= count
     titles = [attrs.get("data-title") or "" for _, attrs in page.tags]
     assert any("Download plot" in title for title in titles)  # the bar is there, so that the next line can fail

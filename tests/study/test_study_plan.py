@@ -5,11 +5,21 @@ from plantfit.errors import SearchError
 from plantfit.study import Plan, Task, tasks
 
 
-def test_tasks_cover_every_run_of_every_method_once():
+def test_tasks_cover_every_run_of_every_method_once_and_methods_take_turns():
     plan = Plan(name="p", methods=("random", "pso"), runs=11, budget=100, chunk=4)
-    assert tasks(plan)[:3] == (Task("random", 0, 4), Task("random", 4, 4), Task("random", 8, 3))
-    covered = [(t.method, t.first + k) for t in tasks(plan) for k in range(t.count)]
-    assert covered == [(m, r) for m in ("random", "pso") for r in range(11)]
+    assert tasks(plan)[:3] == (Task("random", 0, 4), Task("pso", 0, 4), Task("random", 4, 4))
+    covered = sorted((t.method, t.first + k) for t in tasks(plan) for k in range(t.count))
+    assert covered == [(m, r) for m in ("pso", "random") for r in range(11)]
+    for k in range(0, len(tasks(plan)), 2):  # a study stopped after any round has equally many runs of each
+        rounds = tasks(plan)[: k + 2]
+        assert sum(t.count for t in rounds if t.method == "pso") == sum(t.count for t in rounds if t.method == "random")
+
+
+@pytest.mark.parametrize(("runs", "chunk"), [(1, 5), (20, 5), (50, 5), (200, 20), (1000, 100), (100_000, 100)])
+def test_tasks_grow_with_the_number_of_runs(runs, chunk):
+    plan = Plan(name="p", methods=("random",), runs=runs, budget=100)
+    assert plan.chunk == chunk
+    assert len(tasks(plan)) == -(-runs // chunk)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scr
 StorePlace = Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database: a file, or a SQLAlchemy URL.")]
 StudyId = Annotated[int | None, typer.Argument(help="Number of the study in `plantfit list`; the newest if left out.")]
 ReportPlace = Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML report goes; NAME.html if left out.")]
+Workers = Annotated[
+    str | None,
+    typer.Option(
+        "--workers", help="Worker processes: a number, or auto for one for each core. 1 if left out, as short studies need no more."
+    ),
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="A dask scheduler as in tcp://host:8786 does the work, or local for one on this machine.")
+]
 STORE = "plantfit.db"
 
 
@@ -76,23 +85,47 @@ def check(
 
 @app.command()
 def run(
-    spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
+    specs: Annotated[list[str], typer.Argument(help="Study files (TOML); several are worked on together.")],
     store: StorePlace = STORE,
     out: ReportPlace = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Run a study, keep every run in the store, and write the report. Ctrl-C saves; `plantfit resume` goes on."""
     from plantfit.cli import studies
 
-    studies.run(spec, store, out, json)
+    studies.run(specs, store, out, json, workers, scheduler)
 
 
 @app.command()
-def resume(study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, json: Json = False) -> None:
-    """Go on with an interrupted study, bit for bit as if it had not stopped."""
+def resume(
+    study: Annotated[
+        list[int] | None, typer.Argument(help="Numbers of studies in `plantfit list`; the newest unfinished if left out.")
+    ] = None,
+    store: StorePlace = STORE,
+    out: ReportPlace = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    json: Json = False,
+) -> None:
+    """Go on with interrupted studies, bit for bit as if they had not stopped."""
     from plantfit.cli import studies
 
-    studies.resume(study, store, out, json)
+    studies.resume(study or [], store, out, json, workers, scheduler)
+
+
+@app.command()
+def workers(
+    study: Annotated[int | None, typer.Argument(help="Number of a study in `plantfit list`; all unfinished ones if left out.")] = None,
+    store: StorePlace = STORE,
+    watch: Annotated[bool, typer.Option("--watch", help="Show it again every second until Ctrl-C.")] = False,
+    json: Json = False,
+) -> None:
+    """Show what every worker does now: machine, task, share of its budget, last sign of life."""
+    from plantfit.cli import watching
+
+    watching.workers(study, store, watch, json)
 
 
 @app.command("list")
@@ -109,6 +142,45 @@ def report(study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = 
     from plantfit.cli import studies
 
     studies.report(study, store, out, json)
+
+
+@app.command()
+def export(
+    study: StudyId = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON, NAME.json unless --out says otherwise; the default.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="As Parquet, one row per run: NAME.parquet.")] = False,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="The file to write.")] = None,
+    store: StorePlace = STORE,
+) -> None:
+    """Write a study, finished or not, to a file that `plantfit import` brings back bit for bit."""
+    from plantfit.cli import exchange
+
+    exchange.export(study, json, parquet, out, store)
+
+
+@app.command("import")
+def import_(
+    files: Annotated[list[str], typer.Argument(help="Files that `plantfit export` wrote.")],
+    spec: Annotated[str | None, typer.Option("--spec", help="Where the study file lies here, to find the recordings beside it.")] = None,
+    store: StorePlace = STORE,
+    json: Json = False,
+) -> None:
+    """Bring exported studies into a store; an unfinished one goes on with `plantfit resume`."""
+    from plantfit.cli import exchange
+
+    exchange.import_(files, spec, store, json)
+
+
+@app.command()
+def merge(
+    sources: Annotated[list[str], typer.Argument(help="Stores or exported files of other machines.")],
+    store: StorePlace = STORE,
+    json: Json = False,
+) -> None:
+    """Bring the studies of other stores into this one; runs of the same study become one study."""
+    from plantfit.cli import exchange
+
+    exchange.merge(sources, store, json)
 
 
 @app.command()
@@ -130,11 +202,53 @@ def predict(
 
 
 @app.command()
-def methods(json: Json = False) -> None:
-    """List the search methods with what they need and their settings."""
+def compare(
+    studies: Annotated[list[int] | None, typer.Argument(help="Numbers of studies in `plantfit list`; the newest if left out.")] = None,
+    store: StorePlace = STORE,
+    out: Annotated[str, typer.Option("--out", "-o", help="Where the HTML comparison goes.")] = "compare.html",
+    latex: Annotated[str | None, typer.Option("--latex", help="Also write a table for papers (booktabs) to this file.")] = None,
+    csv: Annotated[str | None, typer.Option("--csv", help="Also write the table to this CSV file.")] = None,
+    target: Annotated[list[float] | None, typer.Option("--target", help="A cost worth reaching (repeat).")] = None,
+    floor: Annotated[float | None, typer.Option("--floor", help="The cost that noise alone leaves, if known.")] = None,
+    optimum: Annotated[float | None, typer.Option("--optimum", help="The lowest cost there can be, if known.")] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
+    json: Json = False,
+) -> None:
+    """Compare methods over their runs: who wins, by how much, how sure. Several studies of one problem are put together;
+    studies of different problems are the replicates of one comparison."""
+    from plantfit.cli import compare as command
+
+    command.compare(studies or [], store, out, latex, csv, target or [], floor, optimum, seed, json)
+
+
+@app.command("tune-search")
+def tune_search(
+    spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
+    method: Annotated[str, typer.Option("--method", "-m", help="The method whose settings are tuned; see `plantfit methods`.")],
+    outer: Annotated[str, typer.Option("--outer", help="The method that searches the settings.")] = "pso",
+    budget: Annotated[int | None, typer.Option("--budget", help="Evaluations of a run; that of the study file if left out.")] = None,
+    runs: Annotated[int, typer.Option("--runs", help="Seeds on which settings race.")] = 20,
+    trials: Annotated[int, typer.Option("--trials", help="Settings to try, the default among them.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", help="Same seed, same answer.")] = 1,
+    only: Annotated[str | None, typer.Option("--only", help="Settings to tune, as in inertia,social; all if left out.")] = None,
+    ranges: Annotated[
+        list[str] | None, typer.Option("--range", help="Narrow a setting: inertia=0.4:0.9, or topology=global,ring (repeat).")
+    ] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Also write the settings block to this TOML file.")] = None,
+    json: Json = False,
+) -> None:
+    """Tune the settings of a search method on your own problem, and say whether that paid. Ctrl-C keeps the best so far."""
+    from plantfit.cli import tune
+
+    tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], out, json)
+
+
+@app.command()
+def methods(name: Annotated[str | None, typer.Argument(help="Show one method in full.")] = None, json: Json = False) -> None:
+    """List the search methods and what they need, or one with its paper and settings."""
     from plantfit.cli import catalogue
 
-    catalogue.methods(json)
+    catalogue.methods(name, json)
 
 
 @app.command()

@@ -78,12 +78,13 @@ def progress_line(quiet: bool = False) -> Iterator[Any]:
         def tell(p):
             left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
             best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
+            unit = getattr(p, "unit", "run")
             bar.update(
                 task,
                 description=getattr(p, "method", "searching"),
                 total=p.budget_total,
                 completed=min(p.evaluations, p.budget_total),
-                figures=f"run {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}",
+                figures=f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}",
             )
 
         yield tell

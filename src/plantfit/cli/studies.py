@@ -2,32 +2,38 @@
 
 import shlex
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from plantfit.cli.out import out, print_json, progress_line, stoppable, verdict, warn
-from plantfit.errors import Interrupted, StoreError
+from plantfit.cli.out import out, print_json, verdict, warn
+from plantfit.cli.working import ready, search, worker_count
+from plantfit.errors import Interrupted, SearchError, StoreError
 
 
-def run(spec: str, store: str, place: str | None, json: bool) -> None:
-    """Run a study file from its beginning."""
+def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+    """Run study files from their beginning."""
     from plantfit import spec as specs
     from plantfit.study import Store
 
-    study = specs.load(spec)
-    opened = Store.open(store)
-    _work(study, opened, store, place, json, None)
+    worker_count(workers, scheduler)  # what cannot work is said before anything is read
+    read = [specs.load(path) for path in paths]
+    _refuse_one_name(read, place)
+    _work([ready(study, None) for study in read], Store.open(store), store, place, json, workers, scheduler)
 
 
-def resume(number: int | None, store: str, place: str | None, json: bool) -> None:
-    """Go on with an unfinished study."""
+def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+    """Go on with unfinished studies."""
     from plantfit.study import Store
 
+    worker_count(workers, scheduler)
     opened = Store.open(store, create=False)
-    record = _record(opened, number, store, unfinished=number is None)
-    _work(_study(record), opened, store, place, json, record.id)
+    records = [opened.study(n) for n in dict.fromkeys(numbers)] or [_record(opened, None, store, unfinished=True)]
+    read = [_study(record) for record in records]
+    _refuse_one_name(read, place)
+    _work([ready(study, record.id) for study, record in zip(read, records, strict=True)], opened, store, place, json, workers, scheduler)
 
 
 def listed(store: str, json: bool) -> None:
@@ -67,36 +73,42 @@ def report(number: int | None, store: str, place: str | None, json: bool) -> Non
     opened = Store.open(store, create=False)
     record = _record(opened, number, store)
     study = _study(record)
-    answer = _answer(study, opened, record.id, store, {})
-    _deliver(answer, place, study.name, json)
+    said = _deliver(_answer(study, opened, record.id, store, {}), place, study.name, json)
+    if json:
+        print_json(said)
 
 
-def _work(study, opened, store: str, place: str | None, json: bool, number: int | None) -> None:
-    from plantfit import study as studies
-    from plantfit.fitting import prepare
+def _refuse_one_name(studies: Sequence[Any], place: str | None) -> None:
+    """Reports must not overwrite one another."""
+    if place is not None and len(studies) > 1:
+        raise SearchError(f"--out {place} names one report, but there are {len(studies)} studies; leave it out, each gets NAME.html.")
+    names = [study.name for study in studies]
+    for name in names:
+        if names.count(name) > 1:
+            raise SearchError(
+                f"{names.count(name)} of the studies are named {name!r}, and so would be their reports; rename or run one alone."
+            )
 
+
+def _work(chosen, opened, store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
     started = time.perf_counter()
-    problem = prepare(study.problem)
-    prepared = time.perf_counter()
-    common: dict[str, Any] = {"to_physical": problem.space.physical}
-    with progress_line(json) as tell, stoppable() as stop:
-        if number is None:
-            number = studies.run(
-                study.plan, studies.objective_of(problem), opened, spec_text=study.text, spec_path=str(study.path.resolve()),
-                coordinates=problem.space.names, progress=tell, stop=stop, **common,
-            )  # fmt: skip
-        else:
-            studies.resume(opened, number, studies.objective_of(problem), progress=tell, stop=stop, **common)
-        stopped = stop()
-    record = opened.study(number)
-    if record.state != "done" and stopped:
-        where = "" if store == "plantfit.db" else f" --store {shlex.quote(store)}"
-        raise Interrupted(
-            f"study {number} ({study.name}) is saved with {record.runs_done} of {record.runs_total} runs done; "
-            f"go on with `plantfit resume {number}{where}`."
-        )
-    seconds = {"prepare": prepared - started, "search": time.perf_counter() - prepared}
-    _deliver(_answer(study, opened, number, store, seconds), place, study.name, json)
+    numbers, stopped = search(opened, chosen, workers, scheduler, json)
+    searched = time.perf_counter() - started
+    records = [opened.study(number) for number in numbers]
+    if stopped and any(r.state != "done" for r in records):
+        raise Interrupted(_saved([r for r in records if r.state != "done"], store))
+    said = []
+    for one, number in zip(chosen, numbers, strict=True):
+        seconds = {"prepare": one.seconds, "search": searched}
+        said.append(_deliver(_answer(one.study, opened, number, store, seconds), place, one.study.name, json, len(chosen) > 1))
+    if json:
+        print_json(said if len(said) > 1 else said[0])
+
+
+def _saved(records, store: str) -> str:
+    where = "" if store == "plantfit.db" else f" --store {shlex.quote(store)}"
+    each = [f"study {r.id} ({r.name}) is saved with {r.runs_done} of {r.runs_total} runs done" for r in records]
+    return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
 def _answer(study, opened, number: int, store: str, seconds):
@@ -127,12 +139,15 @@ def _answer(study, opened, number: int, store: str, seconds):
     return Answer(problem, results, study.plan.seed, study.text, f"plantfit run {study.path.name}", seconds)
 
 
-def _deliver(answer, place: str | None, name: str, json: bool) -> None:
+def _deliver(answer, place: str | None, name: str, json: bool, several: bool = False) -> dict[str, Any]:
+    """Write the report and say the verdict; gives back what `--json` prints."""
     path = answer.report(place or f"{name}.html")
-    if json:
-        return print_json({**_short(answer.findings), "report": str(path)})
-    verdict(answer.findings)
-    out.print(f"\nReport: {path}", markup=False)
+    if not json:
+        if several:
+            out.print(f"\n{name}", markup=False, style="bold")
+        verdict(answer.findings)
+        out.print(f"\nReport: {path}", markup=False)
+    return {**_short(answer.findings), "report": str(path)}
 
 
 def _short(findings: dict[str, Any]) -> dict[str, Any]:

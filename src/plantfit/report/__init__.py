@@ -1,6 +1,7 @@
 """Reports of findings: one self-contained HTML file, or plain text for a terminal."""
 
+from plantfit.report.comparison import render_comparison, write_comparison
 from plantfit.report.html import render_html, write_report
 from plantfit.report.text import summary_text
 
-__all__ = ["render_html", "summary_text", "write_report"]
+__all__ = ["render_comparison", "render_html", "summary_text", "write_comparison", "write_report"]

@@ -1,10 +1,8 @@
 """One self-contained HTML file: styles, script, plotly and data inside, nothing loaded from elsewhere."""
 
-import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,8 @@ import jinja2
 from markupsafe import Markup
 
 from plantfit.errors import StoreError
-from plantfit.report import figures, sentences, tables
+from plantfit.report import comparison_section, figures, sentences, tables
+from plantfit.report.drawings import Drawings, embedded
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
 from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
@@ -29,25 +28,6 @@ CONFIG = {
 }
 POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
 MOST_INTERVALS = 60  # rows of the figure of intervals
-_CODES = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
-
-
-@dataclass
-class Drawings:
-    """Figures of one report in the order of the page."""
-
-    items: list[dict[str, Any]] = field(default_factory=list)
-
-    def add(self, figure: figures.Figure, label: str) -> dict[str, Any]:
-        """Keep a figure and return what the template needs to place it."""
-        item = {"id": f"figure-{len(self.items) + 1}", "label": label, "figure": figure, "height": figure["layout"]["height"]}
-        self.items.append(item)
-        return item
-
-    @property
-    def json(self) -> Markup:
-        """All figures as JSON that is safe inside a script element."""
-        return embedded({item["id"]: item["figure"] for item in self.items})
 
 
 def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
@@ -56,8 +36,12 @@ def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
     The file appears whole or not at all. PlantfitError for a record that does not fit the schema;
     StoreError when the folder is missing or cannot be written to.
     """
+    return write_page(path, render_html(findings))
+
+
+def write_page(path: str | Path, text: str) -> Path:
+    """Write a report whole or not at all; StoreError when the folder is missing or cannot be written to."""
     path = Path(path)
-    text = render_html(findings)
     if path.is_dir():
         raise StoreError(f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}.")
     if not path.parent.is_dir():
@@ -71,25 +55,22 @@ def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
 
 def render_html(findings: Mapping[str, Any]) -> str:
     """The report as text; PlantfitError for a record that does not fit the schema."""
+    return render_page("report.html", _context(read_findings(findings)))
+
+
+def render_page(template: str, context: Mapping[str, Any]) -> str:
+    """A template with everything that its page needs inside."""
     from plotly.offline import get_plotlyjs  # 5 MB, read only when a report is made
 
-    record = read_findings(findings)
     environment = jinja2.Environment(loader=jinja2.FunctionLoader(_template), autoescape=True, undefined=jinja2.StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
-    context = _context(record)
-    return environment.get_template("report.html").render(
+    return environment.get_template(template).render(
         context,
         style=Markup(_template("style.css")),
         plotly=Markup(get_plotlyjs()),
         draw=Markup(_template("draw.js")),
         config=embedded(CONFIG),
     )
-
-
-def embedded(value: Any) -> Markup:
-    """JSON for a script element; no character in it can end the element."""
-    text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return Markup(text.translate(str.maketrans(_CODES)))
 
 
 def _template(name: str) -> str:
@@ -130,6 +111,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "parameters": _parameters(record, drawings),
         "combinations": _combinations(record, drawings),
         "search": _search(record, drawings),
+        "comparison": comparison_section.of_findings(record, drawings),
         "simulation": _simulation(record),
         "reproduction": _reproduction(record),
     }

@@ -8,6 +8,7 @@
 from math import isfinite
 
 UNKNOWN = "–"
+MOST_DIGITS = 8  # of the ends of an interval
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN_EXPONENTS = range(-3, 6)  # 0.001 to 999999 is written without a power of ten
 
@@ -45,13 +46,13 @@ def plus_minus(value: float | None, error: float | None, ascii_only: bool = Fals
 
 
 def interval(low: float | None, high: float | None, ascii_only: bool = False) -> str:
-    """`low to high`, both to the decimal place of 2 significant digits of half their distance."""
+    """`low to high`, both to the decimal place of 2 significant digits of half their distance, in at most MOST_DIGITS digits."""
     if low is None or high is None or not (isfinite(low) and isfinite(high)):
         return UNKNOWN
     if high <= low:
         return f"{significant(low, ascii_only=ascii_only)} to {significant(high, ascii_only=ascii_only)}"
     largest = max(abs(low), abs(high))
-    last = exponent((high - low) / 2, 2) - 1
+    last = max(exponent((high - low) / 2, 2) - 1, exponent(largest, 15) - MOST_DIGITS + 1)
     power = max(_leading(largest, last), last + 1)
     if power in _PLAIN_EXPONENTS and last >= -6:
         return f"{_place(low, last, ascii_only)} to {_place(high, last, ascii_only)}"

@@ -11,8 +11,10 @@ from plantfit.study.basins import Basin, basins
 from plantfit.study.comparison import Comparison, a12, compare, holm
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan, Task, tasks
+from plantfit.study.processes import helping
+from plantfit.study.progress import StudyProgress
 from plantfit.study.records import RunRecord, StudyRecord
-from plantfit.study.runner import StudyProgress, resume, run
+from plantfit.study.runner import begin, resume, run
 from plantfit.study.statistics import (
     Summary,
     bootstrap_interval,
@@ -39,12 +41,14 @@ __all__ = [
     "Task",
     "a12",
     "basins",
+    "begin",
     "bootstrap_interval",
     "compare",
     "costs_by_method",
     "cpu_model",
     "evaluations_to_target",
     "expected_running_time",
+    "helping",
     "holm",
     "objective_of",
     "resume",

@@ -4,6 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+APART = 0.05  # share of the bounds by which a coordinate must differ for answers to be distinct
+MOST = 1500  # answers that are told apart, the best ones
 
 
 @dataclass(frozen=True)
@@ -40,3 +46,22 @@ def basins(costs: Any, x: Any, tolerance: float = 1e-6, floor: float = 0.0) -> l
 
 def _edge(best: float, tolerance: float, floor: float) -> float:
     return best + tolerance * abs(best) + floor
+
+
+def optima(costs: Any, x: Any, within: float, apart: float = APART) -> list[Basin]:
+    """Distinct answers of the same cost: runs at most `within` above the best, in groups that lie apart, largest first.
+
+    Answers x (n, d) in the unit cube belong together when a chain of answers joins them, each within `apart` of the next
+    in every coordinate; a group with a wide spread is a valley. Of more than 1500 such runs the best are taken.
+    """
+    costs, x = np.asarray(costs, dtype=float), np.asarray(x, dtype=float)
+    order = np.argsort(costs, kind="stable")
+    order = order[np.isfinite(costs[order])]
+    near = order[costs[order] <= costs[order[0]] + within][:MOST] if len(order) else order
+    if not len(near):
+        return []
+    pairs = KDTree(x[near]).query_pairs(apart, p=np.inf, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near), len(near)))
+    count, label = connected_components(graph, directed=False)
+    groups = sorted((near[label == k] for k in range(count)), key=lambda g: (-len(g), costs[g[0]]))
+    return [Basin(float(costs[g[0]]), tuple(g.tolist()), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, and_, insert, select, update
+from sqlalchemy import Connection, Row, and_, insert, select, update
 
 from plantfit.study import tables
 from plantfit.study.plan import Task
@@ -27,6 +27,19 @@ class Claim:
     checkpoint: bytes | None
 
 
+@dataclass(frozen=True)
+class Held:
+    """A task in work: who holds it, seconds since its last sign of life, evaluations it has told (None before)."""
+
+    worker: str
+    task: Task
+    silent: float
+    evaluations: float | None
+
+
+_HELD = (TABLE.c.claimed_by, TABLE.c.method, TABLE.c.first, TABLE.c["count"], TABLE.c.heartbeat, TABLE.c.evaluations)
+
+
 def utc_now() -> str:
     """Now in UTC, ISO 8601 to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -42,15 +55,29 @@ def add_tasks(connection: Connection, study: int, planned: tuple[Task, ...]) -> 
 
 def take(connection: Connection, study: int, worker: str, now: float) -> Claim | None:
     """The first open task that nobody alive holds, now held by `worker`; None if there is none."""
-    for row in connection.execute(select(TABLE).where(TABLE.c.study == study, TABLE.c.state == "open").order_by(TABLE.c.id)):
-        if not is_stale(row.claimed_by, row.heartbeat, now):
-            continue
-        # the old holder stands in the condition: of two takers only one matches
-        unchanged = and_(TABLE.c.id == row.id, TABLE.c.state == "open", TABLE.c.claimed_by.is_not_distinct_from(row.claimed_by))
-        taken = connection.execute(update(TABLE).where(unchanged).values(claimed_by=worker, heartbeat=now, updated=utc_now()))
-        if taken.rowcount == 1:
-            return Claim(row.id, study, worker, Task(row.method, row.first, row._mapping[TABLE.c["count"]]), row.checkpoint)
+    seen = select(TABLE.c.id, TABLE.c.claimed_by, TABLE.c.heartbeat).where(TABLE.c.study == study, TABLE.c.state == "open")
+    for row in connection.execute(seen.order_by(TABLE.c.id)).all():
+        if is_stale(row.claimed_by, row.heartbeat, now) and (claim := _take_one(connection, row, worker, now)) is not None:
+            return claim
     return None
+
+
+def _take_one(connection: Connection, seen: Row, worker: str, now: float) -> Claim | None:
+    """The task as it was seen, or None if another worker was faster."""
+    # the old holder stands in the condition: of two takers only one matches; PostgreSQL locks the row, SQLite the file
+    unchanged = and_(
+        TABLE.c.id == seen.id,
+        TABLE.c.state == "open",
+        TABLE.c.claimed_by.is_not_distinct_from(seen.claimed_by),
+        TABLE.c.heartbeat.is_not_distinct_from(seen.heartbeat),
+    )
+    row = connection.execute(select(TABLE).where(unchanged).with_for_update(skip_locked=True)).one_or_none()
+    if row is None:
+        return None
+    connection.execute(
+        update(TABLE).where(TABLE.c.id == row.id).values(claimed_by=worker, heartbeat=now, evaluations=None, updated=utc_now())
+    )
+    return Claim(row.id, row.study, worker, Task(row.method, row.first, row._mapping[TABLE.c["count"]]), row.checkpoint)
 
 
 def change(connection: Connection, claim: Claim, **values: object) -> None:
@@ -60,7 +87,16 @@ def change(connection: Connection, claim: Claim, **values: object) -> None:
         raise ClaimLost
 
 
+def held(connection: Connection, study: int, now: float) -> list[Held]:
+    """Tasks of the study that a live worker holds, in their order."""
+    rows = connection.execute(select(*_HELD).where(TABLE.c.study == study, TABLE.c.state == "open").order_by(TABLE.c.id))
+    return [
+        Held(r.claimed_by, Task(r.method, r.first, r._mapping[TABLE.c["count"]]), now - r.heartbeat, r.evaluations)
+        for r in rows
+        if not is_stale(r.claimed_by, r.heartbeat, now)
+    ]
+
+
 def is_held(connection: Connection, study: int, now: float) -> bool:
     """Whether a live worker holds a task of the study."""
-    rows = connection.execute(select(TABLE.c.claimed_by, TABLE.c.heartbeat).where(TABLE.c.study == study, TABLE.c.state == "open"))
-    return any(not is_stale(row.claimed_by, row.heartbeat, now) for row in rows)
+    return bool(held(connection, study, now))

@@ -3,10 +3,15 @@
 import enum
 import json
 import math
+import struct
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
+_NAN = struct.pack(">d", math.nan).hex()
+RAW, PACKED = 0, 1  # how a history is kept: as `to_blob`, or as `pack`
 
 
 def plain(value: Any) -> Any:
@@ -26,15 +31,39 @@ def plain(value: Any) -> Any:
     return repr(value)
 
 
-def strict(value: Any) -> Any:
-    """The same with None for numbers that JSON cannot say (NaN, infinities)."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, dict):
-        return {k: strict(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [strict(v) for v in value]
-    return value
+def spelled(value: float) -> float | str:
+    """A float as strict JSON can say it: itself, or "Infinity", "-Infinity", "NaN", "NaN" with its bits if it is another one."""
+    if math.isfinite(value):
+        return value
+    if math.isinf(value):
+        return "Infinity" if value > 0 else "-Infinity"
+    bits = struct.pack(">d", value).hex()
+    return "NaN" if bits == _NAN else f"NaN {bits}"
+
+
+def unspelled(value: float | str) -> float:
+    """The inverse of `spelled`; ValueError or TypeError if it is none."""
+    if isinstance(value, bool):
+        raise TypeError(f"{value} in place of a number")
+    if not isinstance(value, str):
+        return float(value)
+    if value in ("Infinity", "-Infinity", "NaN"):
+        return float(value)
+    kind, _, bits = value.partition(" ")
+    number = struct.unpack(">d", bytes.fromhex(bits))[0] if kind == "NaN" and len(bits) == 16 else 0.0
+    if not math.isnan(number):
+        raise ValueError(f"{value!r} in place of a number")
+    return number
+
+
+def exact_tree(value: Mapping[str, Any]) -> dict[str, Any] | str:
+    """A tree of JSON types as it is, or its `to_json` text where strict JSON could not say a number in it."""
+    tree = plain(value)
+    try:
+        json.dumps(tree, allow_nan=False)
+    except ValueError:
+        return to_json(tree)
+    return tree
 
 
 def to_json(value: Any) -> str:
@@ -57,3 +86,18 @@ def from_blob(blob: bytes) -> np.ndarray:
     values = np.frombuffer(blob, dtype="<f8").astype(float)
     values.flags.writeable = False
     return values
+
+
+def pack(values: Any) -> bytes:
+    """A vector (n,) as `to_blob`, in less room: like bytes of all numbers side by side, then zlib."""
+    return zlib.compress(np.frombuffer(to_blob(values), np.uint8).reshape(-1, 8).T.tobytes())
+
+
+def unpack(blob: bytes, packing: int = PACKED) -> np.ndarray:
+    """The vector (n,) of `pack`, or of `to_blob` where `packing` is RAW; float64, read-only."""
+    if packing == RAW:
+        return from_blob(blob)
+    if packing != PACKED:
+        raise ValueError(f"packing {packing}")
+    columns = np.frombuffer(zlib.decompress(blob), np.uint8).reshape(8, -1)
+    return from_blob(columns.T.tobytes())

@@ -1,23 +1,38 @@
-"""Connections to the database: SQLite in WAL mode from a path, anything else by SQLAlchemy URL."""
+"""Connections to the database: SQLite in WAL mode from a path, PostgreSQL by SQLAlchemy URL.
+
+Both give every transaction of the store the same meaning. A reader sees one moment. Writers that
+touch the same rows go one after another: SQLite has one writer at a time, PostgreSQL locks rows
+where a statement says FOR UPDATE and runs every other statement on what is committed by then.
+"""
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
-from sqlalchemy import URL, Engine, create_engine, event, make_url
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, make_url, select
+from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import NullPool
 
-from plantfit.errors import StoreError
+from plantfit.errors import MissingExtra, StoreError
 from plantfit.study.failures import translated
 
 WRITES = "plantfit_writes"
+CONNECT_SECONDS = 10
+MIGRATION_LOCK = 0x706C616E74666974  # "plantfit": any number that other programs do not use
+# a server that vanished is noticed within a minute, not after the two hours of TCP
+KEEPALIVE = {"keepalives_idle": 20, "keepalives_interval": 10, "keepalives_count": 3, "tcp_user_timeout": 60_000}
 
 
 def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) -> tuple[Engine, str]:
-    """An engine and the name to call it in messages. Raises StoreError."""
+    """An engine and the name to call it in messages. Raises StoreError and MissingExtra."""
     url = _url(place)
-    if url.get_backend_name() != "sqlite":
-        return _server(url)
+    backend = url.get_backend_name()
+    if backend == "postgresql":
+        return _server(url, busy_timeout)
+    if backend != "sqlite":
+        raise StoreError(
+            f"Studies are kept in SQLite or PostgreSQL, not in {backend!r}; write a file name or postgresql+psycopg://user@host/name."
+        )
     name = url.database or ""
     _check_path(Path(name), name, create)
     engine = create_engine(url, poolclass=NullPool, connect_args={"timeout": busy_timeout, "check_same_thread": False})
@@ -27,6 +42,31 @@ def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) ->
     return engine, name
 
 
+def readers(engine: Engine) -> Engine:
+    """The engine for transactions that only read, each one moment of the database."""
+    if engine.dialect.name == "postgresql":
+        return engine.execution_options(isolation_level="REPEATABLE READ")
+    return engine
+
+
+def writers(engine: Engine) -> Engine:
+    """The engine for transactions that write."""
+    return engine.execution_options(**{WRITES: True})
+
+
+def one_at_a_time(connection: Connection) -> None:
+    """Until the transaction ends no other process is past this line; SQLite has one writer anyway."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(MIGRATION_LOCK)))
+
+
+def clock_ahead(connection: Connection, now: float) -> float:
+    """Seconds that the clock of the server is ahead of `now`, so that all machines judge heartbeats by one clock."""
+    if connection.dialect.name != "postgresql":
+        return 0.0
+    return float(connection.scalar(select(func.extract("epoch", func.clock_timestamp()))) or now) - now
+
+
 def _url(place: str | os.PathLike[str]) -> URL:
     text = os.fspath(place)
     if "://" not in text:
@@ -34,15 +74,26 @@ def _url(place: str | os.PathLike[str]) -> URL:
     try:
         return make_url(text)
     except ArgumentError as error:
-        raise StoreError(f"The study database address {text!r} cannot be read; write a file name or dialect://user@host/name.") from error
+        raise StoreError(
+            f"The study database address {text!r} cannot be read; write a file name or postgresql+psycopg://user@host/name."
+        ) from error
 
 
-def _server(url: URL) -> tuple[Engine, str]:
-    name = url.render_as_string(hide_password=True)
-    try:
-        return create_engine(url, pool_pre_ping=True), name
-    except (NoSuchModuleError, ModuleNotFoundError) as error:
-        raise StoreError(f"Study database {name} needs a driver that is not installed ({error}); install it or use a file name.") from error
+def _server(url: URL, busy_timeout: float) -> tuple[Engine, str]:
+    if find_spec("psycopg") is None:
+        raise MissingExtra("Keeping studies in PostgreSQL needs the package psycopg; install it with: pip install 'plantfit[postgres]'")
+    url = url.set(drivername="postgresql+psycopg")
+    arguments = {"connect_timeout": CONNECT_SECONDS, **KEEPALIVE}
+    arguments = {key: value for key, value in arguments.items() if key not in url.query}
+    # one connection stays open in each process, and no thread ever waits for one
+    engine = create_engine(url, pool_pre_ping=True, pool_size=1, max_overflow=-1, connect_args=arguments)
+
+    @event.listens_for(engine, "begin")
+    def _on_begin(connection) -> None:
+        if connection.get_execution_options().get(WRITES, False):
+            connection.exec_driver_sql(f"SET LOCAL lock_timeout = {int(1000 * busy_timeout)}")
+
+    return engine, url.render_as_string(hide_password=True)
 
 
 def _check_path(path: Path, name: str, create: bool) -> None:

@@ -1,19 +1,25 @@
 """A thread that says every few seconds that the holder of a task lives, even during long compilations."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from plantfit.errors import StoreError
 from plantfit.study.claims import Claim, ClaimLost
 from plantfit.study.store import Store
 
-BEAT_SECONDS = 10.0
+BEAT_SECONDS = 3.0  # others show the progress of this worker no older than this
+
+
+def _unknown() -> float | None:
+    return None
 
 
 @contextmanager
-def beating(store: Store, claim: Claim, seconds: float = BEAT_SECONDS) -> Iterator[threading.Event]:
-    """Beat while the block runs; the event given is set once another worker has taken the task."""
+def beating(
+    store: Store, claim: Claim, evaluations: Callable[[], float | None] = _unknown, seconds: float = BEAT_SECONDS
+) -> Iterator[threading.Event]:
+    """Beat while the block runs, telling what `evaluations` says; the event given is set once another worker has taken the task."""
     ended, lost = threading.Event(), threading.Event()
 
     def beat() -> None:
@@ -21,7 +27,7 @@ def beating(store: Store, claim: Claim, seconds: float = BEAT_SECONDS) -> Iterat
             try:
                 # a database in trouble is reported by the next save, in the main thread
                 with suppress(StoreError):
-                    store.beat(claim)
+                    store.beat(claim, evaluations())
             except ClaimLost:
                 lost.set()
                 return

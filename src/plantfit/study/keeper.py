@@ -1,17 +1,14 @@
-"""Checkpoints of one task: the newest is always at hand, one every few seconds goes to the store."""
+"""Checkpoints of one task: the newest is always at hand, one every few seconds is saved."""
 
 import time
 from collections.abc import Callable
 
-from plantfit.study.claims import Claim
-from plantfit.study.store import Store
-
 
 class Keeper:
-    """Takes checkpoints as often as a search offers them and saves one per `seconds`."""
+    """Takes checkpoints as often as a search offers them and gives `save` one per `seconds`."""
 
-    def __init__(self, store: Store, claim: Claim, seconds: float):
-        self.store, self.claim, self.seconds = store, claim, seconds
+    def __init__(self, save: Callable[[bytes], None], seconds: float):
+        self.save, self.seconds = save, seconds
         self._saved_at = time.monotonic()
         self._newest: Callable[[], bytes] | None = None
 
@@ -19,7 +16,7 @@ class Keeper:
         """Remember the checkpoint and save it if the last save is long enough ago."""
         self._newest = encode
         if time.monotonic() - self._saved_at >= self.seconds:
-            self.store.save_checkpoint(self.claim, encode())
+            self.save(encode())
             self._saved_at, self._newest = time.monotonic(), None
 
     def newest(self) -> bytes | None:

@@ -7,34 +7,48 @@ from sqlalchemy import Connection, func, insert, inspect, select
 
 from plantfit.errors import StoreError
 from plantfit.study import tables
+from plantfit.study.engine import one_at_a_time
 
 Migration = Callable[[Connection], None]
 
 
-def _create(connection: Connection) -> None:
-    tables.metadata.create_all(connection)
+def _second(connection: Connection) -> None:
+    """Histories in less room, costs with every bit, how far a task in work has come."""
+    blob = "BYTEA" if connection.dialect.name == "postgresql" else "BLOB"
+    connection.exec_driver_sql("ALTER TABLE run ADD COLUMN packing INTEGER DEFAULT 0 NOT NULL")
+    connection.exec_driver_sql(f"ALTER TABLE run ADD COLUMN cost_bits {blob}")
+    connection.exec_driver_sql("ALTER TABLE task ADD COLUMN evaluations DOUBLE PRECISION")
 
 
-# MIGRATIONS[v] brings a database from version v to v + 1; append, never edit
-MIGRATIONS: tuple[Migration, ...] = (_create,)
-VERSION = len(MIGRATIONS)
+# MIGRATIONS[k] brings a database from version k + 1 to k + 2; append, never edit
+MIGRATIONS: tuple[Migration, ...] = (_second,)
+VERSION = 1 + len(MIGRATIONS)
 
 
 def migrate(connection: Connection, name: str, migrations: tuple[Migration, ...] = MIGRATIONS) -> int:
     """Bring the database to the newest version within the caller's transaction; returns that version.
 
-    Raises StoreError for a database of a newer plantfit or of another program.
+    An empty database gets the tables as they are now. Raises StoreError for a database of a newer
+    plantfit or of another program.
     """
-    version = current_version(connection, name)
-    if version > len(migrations):
+    one_at_a_time(connection)
+    version, newest = current_version(connection, name), 1 + len(migrations)
+    if version > newest:
         raise StoreError(
-            f"Study database {name} has schema version {version}, but this plantfit knows versions up to {len(migrations)}; "
+            f"Study database {name} has schema version {version}, but this plantfit knows versions up to {newest}; "
             "update plantfit to open it."
         )
-    for number in range(version, len(migrations)):
-        migrations[number](connection)
-        connection.execute(insert(tables.schema_version).values(version=number + 1, applied=datetime.now(UTC).isoformat()))
-    return len(migrations)
+    if version == 0:
+        tables.metadata.create_all(connection)
+        later = migrations[VERSION - 1 :]
+    else:
+        later = migrations[version - 1 :]
+    for step in later:
+        step(connection)
+    now = datetime.now(UTC).isoformat()
+    for number in range(version + 1, newest + 1):
+        connection.execute(insert(tables.schema_version).values(version=number, applied=now))
+    return newest
 
 
 def current_version(connection: Connection, name: str) -> int:
@@ -43,5 +57,5 @@ def current_version(connection: Connection, name: str) -> int:
     if tables.schema_version.name in present:
         return connection.scalar(select(func.max(tables.schema_version.c.version))) or 0
     if present:
-        raise StoreError(f"{name} is a database of another program (it has a table {present[0]!r}); choose another file for the study.")
+        raise StoreError(f"{name} is a database of another program (it has a table {present[0]!r}); choose another one for the study.")
     return 0

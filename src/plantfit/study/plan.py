@@ -9,14 +9,18 @@ from plantfit.optimize import registry
 from plantfit.study.codec import plain
 
 LIMIT = 2**31  # what `minimise` counts to
+SMALLEST_CHUNK, LARGEST_CHUNK = 5, 100
+TASKS_OF_METHOD = 10  # enough to keep several workers busy to the end
 
 
 @dataclass(frozen=True)
 class Plan:
     """Every method gets `runs` seeded runs of `budget` evaluations each.
 
-    `settings` maps a method to its settings. `chunk` is the number of runs in one task; it is part
-    of the plan, so that results do not depend on how many workers share the tasks.
+    `settings` maps a method to its settings. `chunk` is the number of runs in one task, chosen from
+    `runs` if None; it is part of the plan, so that results do not depend on how many workers share
+    the tasks. `gradient_charge` and `jacobian_charge`, in evaluations, are those of the objective
+    that the study begins with, kept so that every worker and every later sitting charges the same.
     Raises SearchError for anything that could not run.
     """
 
@@ -26,13 +30,17 @@ class Plan:
     budget: int = 5000
     seed: int = 1
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    chunk: int = 5
+    chunk: int | None = None
+    gradient_charge: float | None = None
+    jacobian_charge: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
             raise SearchError(f"The study has the name {self.name!r}; give it a name of at least one letter.")
-        for key, least in (("runs", 1), ("budget", 1), ("chunk", 1), ("seed", 0)):
+        for key, least in (("runs", 1), ("budget", 1), ("seed", 0)):
             object.__setattr__(self, key, _whole(self.name, key, getattr(self, key), least))
+        chunk = default_chunk(self.runs) if self.chunk is None else _whole(self.name, "chunk", self.chunk, 1)
+        object.__setattr__(self, "chunk", chunk)
         object.__setattr__(self, "methods", _methods(self.name, self.methods))
         object.__setattr__(self, "settings", _settings(self.name, self.settings, self.methods))
         for method in self.methods:
@@ -58,10 +66,18 @@ class Task:
 
 
 def tasks(plan: Plan) -> tuple[Task, ...]:
-    """The plan in chunks, method by method; a function of the plan alone."""
-    return tuple(
-        Task(method, first, min(plan.chunk, plan.runs - first)) for method in plan.methods for first in range(0, plan.runs, plan.chunk)
-    )
+    """The plan in chunks, a function of the plan alone.
+
+    The methods take turns, so that a study that is half done has half of the runs of each and can be compared.
+    """
+    chunk = plan.chunk or default_chunk(plan.runs)
+    return tuple(Task(method, first, min(chunk, plan.runs - first)) for first in range(0, plan.runs, chunk) for method in plan.methods)
+
+
+def default_chunk(runs: int) -> int:
+    """Runs in one task. Runs of a population method share compiled loops, so that larger tasks cost less a run
+    (docs/studies.md has figures); smaller ones leave more to share and less to lose."""
+    return min(max(-(-runs // TASKS_OF_METHOD), SMALLEST_CHUNK), LARGEST_CHUNK)
 
 
 def default_budget(dimension: int) -> int:

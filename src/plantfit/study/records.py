@@ -53,3 +53,24 @@ class RunRecord:
     history_evaluations: np.ndarray
     history_cost: np.ndarray
     extra: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class TaskRecord:
+    """Runs `first` to `first + count - 1` of a method, all of them finished or none; `checkpoint` is where an open task stands."""
+
+    method: str
+    first: int
+    count: int
+    done: bool
+    checkpoint: bytes | None
+
+
+@dataclass(frozen=True)
+class WholeStudy:
+    """All that another store needs to show a study, compare it and go on with it, read in one moment."""
+
+    study: StudyRecord
+    probe: bytes
+    tasks: tuple[TaskRecord, ...]
+    runs: tuple[RunRecord, ...]

@@ -1,19 +1,20 @@
 """Rows of the database to records and back."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sqlalchemy import Row
 
 from plantfit.errors import Status
-from plantfit.study.codec import from_blob, from_json, to_blob, to_json
+from plantfit.study.codec import PACKED, from_blob, from_json, pack, to_blob, to_json, unpack
 from plantfit.study.records import RunRecord, StudyRecord
 
 if TYPE_CHECKING:
     from plantfit.optimize.contract import RunResult
 
 
-def run_row(study: int, result: "RunResult", parameters: dict[str, float]) -> dict[str, Any]:
+def run_row(study: int, result: "RunResult | RunRecord", parameters: Mapping[str, float]) -> dict[str, Any]:
     """Columns of table run."""
     cost = float(result.cost)
     return {
@@ -22,14 +23,16 @@ def run_row(study: int, result: "RunResult", parameters: dict[str, float]) -> di
         "run": int(result.run),
         "seed": int(result.seed),
         "cost": None if np.isnan(cost) else cost,
+        "cost_bits": to_blob([cost]),
         "x": to_blob(result.x),
         "parameters": to_json(parameters),
         "evaluations": float(result.evaluations),
         "seconds": float(result.seconds),
         "status": Status(result.status).value,
         "failures": int(result.failures),
-        "history_evaluations": to_blob(result.history_evaluations),
-        "history_cost": to_blob(result.history_cost),
+        "packing": PACKED,
+        "history_evaluations": pack(result.history_evaluations),
+        "history_cost": pack(result.history_cost),
         "extra": to_json(result.extra),
     }
 
@@ -41,16 +44,22 @@ def run_record(row: Row) -> RunRecord:
         run=row.run,
         seed=row.seed,
         x=from_blob(row.x),
-        cost=float("nan") if row.cost is None else row.cost,
+        cost=_cost(row),
         parameters=from_json(row.parameters),
         evaluations=row.evaluations,
         seconds=row.seconds,
         status=Status(row.status),
         failures=row.failures,
-        history_evaluations=from_blob(row.history_evaluations),
-        history_cost=from_blob(row.history_cost),
+        history_evaluations=unpack(row.history_evaluations, row.packing),
+        history_cost=unpack(row.history_cost, row.packing),
         extra=from_json(row.extra),
     )
+
+
+def _cost(row: Row) -> float:
+    if row.cost_bits is not None:
+        return float(from_blob(row.cost_bits)[0])
+    return float("nan") if row.cost is None else row.cost
 
 
 def study_record(row: Row, held: bool, runs_done: int) -> StudyRecord:

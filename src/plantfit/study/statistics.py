@@ -1,6 +1,6 @@
 """Runs of one method in numbers: location, spread, intervals, success and expected running time."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ class Summary:
 
     `n` counts finite costs and `failed` the others (NaN, infinite), which enter no other number.
     `std` has n - 1 in the denominator, `sem` = std / sqrt(n); both are NaN for n = 1.
-    `t_interval` and `bootstrap_interval` are 95 % confidence intervals of the mean.
+    The three intervals are 95 % confidence intervals of the mean: mean +- 1.96 sem, with Student's t, and by bootstrap.
     """
 
     n: int
@@ -30,6 +30,7 @@ class Summary:
     mean: float
     std: float
     sem: float
+    normal_interval: Interval
     t_interval: Interval
     bootstrap_interval: Interval
 
@@ -42,14 +43,14 @@ def costs_by_method(runs: Iterable[RunRecord]) -> dict[str, np.ndarray]:
     return {method: np.array(costs, dtype=float) for method, costs in found.items()}
 
 
-def summarise(costs: Any, *, seed: int = 0) -> Summary:
-    """Summary of costs (n,); `seed` drives the bootstrap. All numbers are NaN without a finite cost."""
+def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> Summary:
+    """Summary of costs (n,); `seed` drives the bootstrap of `resamples`. All numbers are NaN without a finite cost."""
     every = np.asarray(costs, dtype=float).ravel()
     values = every[np.isfinite(every)]
     n = len(values)
     if n == 0:
         nan = float("nan")
-        return Summary(0, len(every), nan, nan, nan, nan, nan, nan, NAN_INTERVAL, NAN_INTERVAL)
+        return Summary(0, len(every), nan, nan, nan, nan, nan, nan, NAN_INTERVAL, NAN_INTERVAL, NAN_INTERVAL)
     std = float(np.std(values, ddof=1)) if n > 1 else float("nan")
     return Summary(
         n=n,
@@ -60,18 +61,27 @@ def summarise(costs: Any, *, seed: int = 0) -> Summary:
         mean=float(values.mean()),
         std=std,
         sem=std / float(np.sqrt(n)),
+        normal_interval=normal_interval(values),
         t_interval=t_interval(values),
-        bootstrap_interval=bootstrap_interval(values, seed=seed),
+        bootstrap_interval=bootstrap_interval(values, seed=seed, resamples=resamples),
     )
+
+
+def normal_interval(values: Any, level: float = 0.95) -> Interval:
+    """Confidence interval of the mean, mean +- z(level) std / sqrt(n), as papers print it; NaN for n < 2, too short for few runs."""
+    return _around_mean(values, float(stats.norm.ppf(0.5 + level / 2)))
 
 
 def t_interval(values: Any, level: float = 0.95) -> Interval:
     """Confidence interval of the mean, mean +- t(level, n - 1) std / sqrt(n); NaN for n < 2."""
+    return _around_mean(values, float(stats.t.ppf(0.5 + level / 2, max(np.size(values) - 1, 1))))
+
+
+def _around_mean(values: Any, quantile: float) -> Interval:
     values = np.asarray(values, dtype=float)
-    n = len(values)
-    if n < 2:
+    if len(values) < 2:
         return NAN_INTERVAL
-    half = stats.t.ppf(0.5 + level / 2, n - 1) * np.std(values, ddof=1) / np.sqrt(n)
+    half = quantile * np.std(values, ddof=1) / np.sqrt(len(values))
     return float(values.mean() - half), float(values.mean() + half)
 
 
@@ -88,6 +98,22 @@ def bootstrap_interval(
         (values,), statistic, confidence_level=level, n_resamples=resamples, method="BCa", rng=np.random.default_rng(seed), batch=999
     )
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def ratio_interval(x: Any, y: Any, *, seed: int, resamples: int = 9999) -> Interval:
+    """95 % percentile bootstrap interval of median(x) / median(y) for costs above zero (n,), (m,).
+
+    Percentiles and not their bias-corrected form, which is undefined for medians of many ties.
+    """
+
+    def ratio(a: np.ndarray, b: np.ndarray, axis: int = -1) -> np.ndarray:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.median(a, axis=axis) / np.median(b, axis=axis)
+
+    found = stats.bootstrap(
+        (x, y), ratio, n_resamples=resamples, method="percentile", vectorized=True, rng=np.random.default_rng(seed), batch=999
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
 def wilson_interval(successes: int, n: int, level: float = 0.95) -> Interval:
@@ -116,7 +142,7 @@ def evaluations_to_target(history_evaluations: Any, history_cost: Any, target: f
     return float(np.asarray(history_evaluations, dtype=float)[reached[0]]) if len(reached) else float("inf")
 
 
-def expected_running_time(spent: Sequence[float], to_target: Sequence[float]) -> float:
+def expected_running_time(spent: Any, to_target: Any) -> float:
     """Expected evaluations until the target with restarts (Hansen et al. 2010, ERT).
 
     Evaluations until the target of the runs that reached it, plus all evaluations of the others,
@@ -127,3 +153,40 @@ def expected_running_time(spent: Sequence[float], to_target: Sequence[float]) ->
     if not hits.any():
         return float("inf")
     return float((reached[hits].sum() + spent_[~hits].sum()) / hits.sum())
+
+
+def running_times(spent: Any, to_target: Any, *, seed: int = 0, resamples: int = 2000) -> np.ndarray:
+    """Expected running times (resamples,) of bootstrapped simulated restarts; all inf if no run reached the target.
+
+    A simulated restart draws runs with replacement until one reached the target and adds up what they spent (Hansen,
+    Auger, Ros, Mersmann, Tusar and Brockhoff 2021, Optim. Methods Softw. 36:114). Each resample is the mean of as many
+    restarts as there are hits in the sample.
+    """
+    spent_, reached = np.asarray(spent, dtype=float), np.asarray(to_target, dtype=float)
+    hits = np.isfinite(reached)
+    k, n = int(hits.sum()), len(reached)
+    if k == 0:
+        return np.full(resamples, np.inf)
+    rng = np.random.default_rng(seed)
+    total = rng.choice(reached[hits], (resamples, k)).sum(axis=1)
+    if k < n:
+        # failures before the k-th hit, when each draw hits with probability k / n
+        failures = rng.negative_binomial(k, k / n, resamples)
+        owner = np.repeat(np.arange(resamples), failures)
+        total += np.bincount(owner, weights=rng.choice(spent_[~hits], len(owner)), minlength=resamples)
+    return total / k
+
+
+def running_time_interval(spent: Any, to_target: Any, *, seed: int = 0, resamples: int = 2000) -> Interval:
+    """95 % interval of the expected running time from simulated restarts.
+
+    Without a hit it reaches from the time that the upper Wilson limit of the success rate would mean to infinity.
+    """
+    n = len(spent)
+    if n == 0:
+        return NAN_INTERVAL
+    if not np.isfinite(np.asarray(to_target, dtype=float)).any():
+        most = wilson_interval(0, n)[1]
+        return float(np.mean(spent)) * (1 - most) / most, float("inf")
+    low, high = np.quantile(running_times(spent, to_target, seed=seed, resamples=resamples), [0.025, 0.975])
+    return float(low), float(high)

@@ -2,29 +2,37 @@
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sqlalchemy import Connection, Engine, Row, delete, func, insert, select, update
 
 from plantfit.errors import StoreError
 from plantfit.study import claims, tables
-from plantfit.study.claims import Claim
-from plantfit.study.codec import from_json, to_json
-from plantfit.study.engine import WRITES, connect
+from plantfit.study.claims import Claim, Held
+from plantfit.study.codec import to_json
+from plantfit.study.engine import clock_ahead, connect, one_at_a_time, readers, writers
 from plantfit.study.export import write_json, write_parquet
 from plantfit.study.failures import readable, translated
+from plantfit.study.importing import read_study
+from plantfit.study.merging import Merged, find_same, merge
 from plantfit.study.migrations import VERSION, current_version, migrate
 from plantfit.study.plan import Plan, tasks
-from plantfit.study.records import RunRecord, StudyRecord
-from plantfit.study.rows import run_record, run_row, study_record
+from plantfit.study.records import RunRecord, StudyRecord, WholeStudy
+from plantfit.study.rows import run_row, study_record
 from plantfit.study.versions import cpu_model, versions
+from plantfit.study.whole import add_notes, insert_study, insert_whole, run_records, task_records
 
 if TYPE_CHECKING:
     from plantfit.optimize.contract import RunResult
+
+# row locks of PostgreSQL; SQLite locks the file when a writer begins
+WHOLE: dict[str, Any] = {}  # the study is about to change, and nobody else may change it
+EXISTENCE: dict[str, Any] = {"read": True, "key_share": True}  # it must not be deleted meanwhile
 
 
 class Store:
@@ -36,18 +44,26 @@ class Store:
 
     def __init__(self, engine: Engine, name: str):
         self.engine, self.name = engine, name
-        self._writer = engine.execution_options(**{WRITES: True})
+        self._reader, self._writer = readers(engine), writers(engine)
+        self._clock_ahead = 0.0
 
     @classmethod
     def open(cls, place: str | os.PathLike[str], *, create: bool = True, busy_timeout: float = 30.0) -> "Store":
-        """Open a file (made if `create`) or a SQLAlchemy URL, waiting up to `busy_timeout` s for locks."""
+        """Open a file (made if `create`) or a PostgreSQL URL, waiting up to `busy_timeout` s for locks."""
         store = cls(*connect(place, busy_timeout, create))
         with store._read() as connection:
             newest = current_version(connection, store.name) == VERSION
+            store._clock_ahead = clock_ahead(connection, time.time())
         if not newest:  # only then write, so that a database can be read where it cannot be written
             with store._write() as connection:
                 migrate(connection, store.name)
         return store
+
+    @property
+    def address(self) -> str:
+        """What opens this database in another process: the path, or the URL with its password."""
+        url = self.engine.url
+        return str(Path(self.name).resolve()) if url.get_backend_name() == "sqlite" else url.render_as_string(hide_password=False)
 
     # studies
 
@@ -67,8 +83,7 @@ class Store:
             "probe": probe,
         }
         with self._write() as connection:
-            key = connection.execute(insert(tables.study).values(row)).inserted_primary_key
-            study_id = int(key[0])  # pyright: ignore[reportOptionalSubscript]
+            study_id = insert_study(connection, row)
             claims.add_tasks(connection, study_id, tasks(plan))
         return study_id
 
@@ -94,75 +109,111 @@ class Store:
     def delete(self, study_id: int) -> None:
         """Delete a study with its runs; StoreError while a live worker holds one of its tasks."""
         with self._write() as connection:
-            self._row(connection, study_id)
-            if claims.is_held(connection, study_id, time.time()):
+            self._row(connection, study_id, lock=WHOLE)
+            if claims.is_held(connection, study_id, self._now()):
                 raise StoreError(f"Study {study_id} in {self.name} is running; stop it before deleting it.")
             connection.execute(delete(tables.study).where(tables.study.c.id == study_id))
 
     def settle(self, study_id: int, *, active: bool) -> None:
         """Set the state from the tasks: "done", else "running" if the caller or a live worker is at it, else "interrupted"."""
         with self._write() as connection:
+            self._row(connection, study_id, lock=WHOLE)
             open_tasks = select(func.count()).where(tables.task.c.study == study_id, tables.task.c.state == "open")
-            at_work = active or claims.is_held(connection, study_id, time.time())
+            at_work = active or claims.is_held(connection, study_id, self._now())
             state = "done" if connection.scalar(open_tasks) == 0 else "running" if at_work else "interrupted"
             connection.execute(update(tables.study).where(tables.study.c.id == study_id).values(state=state))
 
     def add_note(self, study_id: int, sentence: str) -> None:
         """Append a sentence to the study's notes, once."""
         with self._write() as connection:
-            notes = from_json(self._row(connection, study_id).notes)
-            if sentence not in notes:
-                connection.execute(update(tables.study).where(tables.study.c.id == study_id).values(notes=to_json([*notes, sentence])))
+            add_notes(connection, self._row(connection, study_id, lock=WHOLE), [sentence])
 
     # runs
 
     def runs(self, study_id: int) -> list[RunRecord]:
         """Finished runs, in the order of the plan's methods, then by run."""
         with self._read() as connection:
-            plan = self._row(connection, study_id).plan
-            rows = connection.execute(select(tables.run).where(tables.run.c.study == study_id)).all()
-        with readable(self.name, study_id):
-            methods = from_json(plan)["methods"]
-            return [run_record(row) for row in sorted(rows, key=lambda r: (methods.index(r.method), r.run))]
+            return self._runs(connection, self._row(connection, study_id))
+
+    def whole(self, study_id: int) -> WholeStudy:
+        """A study with its runs, tasks and checkpoints, all of one moment."""
+        with self._read() as connection:
+            row = self._row(connection, study_id)
+            study, runs = self._study(connection, row), self._runs(connection, row)
+            return WholeStudy(study, row.probe, task_records(connection, study_id), tuple(runs))
 
     def export_json(self, study_id: int, path: str | os.PathLike[str]) -> None:
-        """Study and runs as JSON; floats in their shortest exact form, null for NaN and infinities."""
-        write_json(self.study(study_id), self.runs(study_id), Path(path))
+        """The whole study as one JSON file that `import_file` brings back bit for bit; raises StoreError."""
+        write_json(self.whole(study_id), Path(path))
 
     def export_parquet(self, study_id: int, path: str | os.PathLike[str]) -> None:
-        """One row per run: method, run, seed, cost, ..., one column per parameter, history as lists."""
-        write_parquet(self.study(study_id), self.runs(study_id), Path(path))
+        """The same as Parquet: one row per run, one column per parameter, histories as lists; the study in the metadata."""
+        write_parquet(self.whole(study_id), Path(path))
+
+    def import_file(self, path: str | os.PathLike[str], *, spec_path: str | None = None) -> int:
+        """Add the study of an exported file, finished or not; returns its id here. Raises StoreError if the file is not whole."""
+        return self.add_whole(read_study(Path(path)), spec_path=spec_path)
+
+    def add_whole(self, whole: WholeStudy, *, spec_path: str | None = None) -> int:
+        """Add a study from elsewhere as a new one; `spec_path` is where its study file lies here, for the recordings beside it."""
+        if spec_path is not None:
+            whole = replace(whole, study=replace(whole.study, spec_path=spec_path))
+        with self._write() as connection:
+            return insert_whole(connection, whole)
+
+    def find_same(self, whole: WholeStudy) -> int | None:
+        """The study here with the same plan, spec and problem, or None."""
+        with self._read() as connection:
+            return find_same(connection, whole)
+
+    def merge(self, whole: WholeStudy, origin: str) -> Merged:
+        """Unite a study from elsewhere with the same one here, or add it if there is none, in one transaction.
+
+        Runs that both have are compared bit for bit (seconds apart) and the ones here stay. What came
+        from where is noted in the study; `origin` names the place.
+        """
+        with self._write() as connection:
+            one_at_a_time(connection)
+            return merge(connection, whole, origin)
 
     # tasks, for workers
 
     def claim(self, study_id: int, worker: str) -> Claim | None:
         """The next free task, now held by `worker`, or None when all are done or held."""
         with self._write() as connection:
-            self._row(connection, study_id)
-            return claims.take(connection, study_id, worker, time.time())
+            self._row(connection, study_id, lock=EXISTENCE)
+            return claims.take(connection, study_id, worker, self._now())
 
-    def beat(self, claim: Claim) -> None:
-        """Say that the holder lives; ClaimLost if it was taken over."""
+    def beat(self, claim: Claim, evaluations: float | None = None) -> None:
+        """Say that the holder lives, and how many evaluations its runs have spent; ClaimLost if it was taken over."""
+        told = {} if evaluations is None else {"evaluations": float(evaluations)}
         with self._write() as connection:
-            claims.change(connection, claim, heartbeat=time.time())
+            claims.change(connection, claim, heartbeat=self._now(), **told)
+
+    def held(self, study_id: int) -> list[Held]:
+        """What live workers do now: the tasks they hold, in the order of the tasks."""
+        with self._read() as connection:
+            self._row(connection, study_id)
+            return claims.held(connection, study_id, self._now())
 
     def save_checkpoint(self, claim: Claim, checkpoint: bytes) -> None:
         """Keep where the task stands; ClaimLost if it was taken over."""
         with self._write() as connection:
-            claims.change(connection, claim, checkpoint=checkpoint, heartbeat=time.time())
+            claims.change(connection, claim, checkpoint=checkpoint, heartbeat=self._now())
 
     def release(self, claim: Claim, checkpoint: bytes | None = None) -> None:
         """Give the task back, open, with its newest checkpoint; ClaimLost if it was taken over."""
         newest = {} if checkpoint is None else {"checkpoint": checkpoint}
         with self._write() as connection:
-            claims.change(connection, claim, claimed_by=None, heartbeat=None, **newest)
+            claims.change(connection, claim, claimed_by=None, heartbeat=None, evaluations=None, **newest)
 
     def finish(self, claim: Claim, results: Sequence["RunResult"], parameters: Sequence[dict[str, float]]) -> None:
         """Write the task's runs and mark it done, both or neither; ClaimLost if it was taken over."""
         rows = [run_row(claim.study, result, values) for result, values in zip(results, parameters, strict=True)]
         with self._write() as connection:
-            claims.change(connection, claim, state="done", checkpoint=None, claimed_by=None, heartbeat=None)
-            connection.execute(insert(tables.run), rows)
+            claims.change(connection, claim, state="done", checkpoint=None, claimed_by=None, heartbeat=None, evaluations=None)
+            if rows:
+                connection.execute(insert(tables.run), rows)
 
     def counts(self, study_id: int) -> tuple[int, int, int, float, float]:
         """Tasks done, tasks, runs done, evaluations of those runs, their lowest cost (inf if none)."""
@@ -182,13 +233,17 @@ class Store:
             yield connection
 
     def _read(self):
-        return self._transaction(self.engine)
+        return self._transaction(self._reader)
 
     def _write(self):
         return self._transaction(self._writer)
 
-    def _row(self, connection: Connection, study_id: int) -> Row:
-        row = connection.execute(select(tables.study).where(tables.study.c.id == study_id)).one_or_none()
+    def _now(self) -> float:
+        return time.time() + self._clock_ahead
+
+    def _row(self, connection: Connection, study_id: int, lock: Mapping[str, Any] | None = None) -> Row:
+        query = select(tables.study).where(tables.study.c.id == study_id)
+        row = connection.execute(query if lock is None else query.with_for_update(**lock)).one_or_none()
         if row is None:
             known = list(connection.scalars(select(tables.study.c.id).order_by(tables.study.c.id)))
             has = f"it has the studies {known}" if known else "it has none"
@@ -198,4 +253,8 @@ class Store:
     def _study(self, connection: Connection, row: Row) -> StudyRecord:
         runs = connection.scalar(select(func.count()).where(tables.run.c.study == row.id)) or 0
         with readable(self.name, row.id):
-            return study_record(row, claims.is_held(connection, row.id, time.time()), runs)
+            return study_record(row, claims.is_held(connection, row.id, self._now()), runs)
+
+    def _runs(self, connection: Connection, row: Row) -> list[RunRecord]:
+        with readable(self.name, row.id):
+            return run_records(connection, row)

@@ -1,10 +1,10 @@
-"""The tables of a study database, schema version 1.
+"""The tables of a study database, schema version 2, in SQLite and PostgreSQL.
 
     schema_version      one row per migration that was applied
     study      1 --- n  task      chunks of runs, claimed by workers, with a checkpoint while they run
                1 --- n  run       finished runs, written in the transaction that marks their task done
 
-Vectors are blobs of little-endian float64 and trees are JSON text, so that every bit comes back.
+Vectors are blobs of little-endian float64 and trees are JSON text, so that every bit comes back; see codec.py.
 """
 
 from sqlalchemy import (
@@ -19,6 +19,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    text,
 )
 
 metadata = MetaData()
@@ -61,6 +62,7 @@ task = Table(
     Column("checkpoint", LargeBinary),
     Column("claimed_by", Text),
     Column("heartbeat", Double),  # seconds since 1970, UTC
+    Column("evaluations", Double),  # of the runs in work, as the holder last said; since version 2
     Column("updated", Text, nullable=False),
     UniqueConstraint("study", "method", "first"),
     CheckConstraint("state IN ('open', 'done')", name="task_state"),
@@ -74,12 +76,14 @@ run = Table(
     Column("run", Integer, primary_key=True, autoincrement=False),
     Column("seed", BigInteger, nullable=False),
     Column("cost", Double),  # NULL is NaN
+    Column("cost_bits", LargeBinary),  # the same as float64: SQLite knows no -0.0; since version 2
     Column("x", LargeBinary, nullable=False),
     Column("parameters", Text, nullable=False),  # JSON, name to value in the declared unit
     Column("evaluations", Double, nullable=False),
     Column("seconds", Double, nullable=False),
     Column("status", Text, nullable=False),
     Column("failures", BigInteger, nullable=False),
+    Column("packing", Integer, nullable=False, server_default=text("0")),  # of the histories, see codec.py; since version 2
     Column("history_evaluations", LargeBinary, nullable=False),
     Column("history_cost", LargeBinary, nullable=False),
     Column("extra", Text, nullable=False),  # JSON

@@ -8,10 +8,19 @@ from pathlib import Path
 STALE_SECONDS = 60.0
 
 
-def new_worker() -> str:
-    """A name no other worker has: machine, process id, start of the process, a random part."""
+def new_worker(place: str = "") -> str:
+    """A name no other worker has: machine, process id, start of the process, a random part.
+
+    `place` says where the work is done if this process only speaks for another one.
+    """
     pid = os.getpid()
-    return f"{_machine()}|{pid}|{_started(pid)}|{uuid.uuid4().hex}"
+    return f"{_machine()}|{pid}|{_started(pid)}|{uuid.uuid4().hex} {place}".rstrip()
+
+
+def where(worker: str) -> str:
+    """A name as people read it: "process 4711 on host", or the place that the name has."""
+    machine, pid, _, rest = worker.split("|")
+    return rest.partition(" ")[2] or f"process {pid} on {machine.partition('/')[0]}"
 
 
 def is_stale(claimed_by: str | None, heartbeat: float | None, now: float) -> bool:

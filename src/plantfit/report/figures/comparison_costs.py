@@ -1,0 +1,117 @@
+"""Final costs of methods side by side: distributions, means with intervals, sorted runs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.report.figures import style
+from plantfit.report.figures.style import Figure
+
+VIOLIN_FROM = 20  # runs from which a density means something
+WIDE = 30.0  # ratio of costs from which an axis is logarithmic
+CLOSE = 1.5  # ratio of means below which bars from zero would look alike
+MARKERS_UP_TO = 60
+DASHES = ("solid", "dash", "dot", "dashdot")
+
+
+def colours(methods: Sequence[str]) -> dict[str, tuple[str, str, str]]:
+    """Line colour, band colour and dash of each method."""
+    return {m: (style.SERIES[k % 6], style.BANDS[k % 6], DASHES[k // 6 % 4]) for k, m in enumerate(methods)}
+
+
+def distribution_figure(methods: Sequence[Mapping[str, Any]], lines: Mapping[str, float]) -> Figure:
+    """Violin (or box, for few runs and for costs over decades) with the runs as points; `lines` are named costs drawn across."""
+    every = np.concatenate([np.array(m["sorted"]["cost"], dtype=float) for m in methods])
+    log = _wide(every)
+    palette = colours([m["name"] for m in methods])
+    layout = style.layout(390, violingap=0.25, boxgap=0.5)
+    layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK})
+    layout["yaxis"] = _cost_axis(every)
+    layout["shapes"], layout["annotations"] = _across(lines)
+    return {"data": [_distribution(m, palette[m["name"]], log) for m in methods], "layout": layout}
+
+
+def _distribution(method: Mapping[str, Any], colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
+    name = style.plain(method["name"])
+    values = np.array(method["sorted"]["cost"], dtype=float)
+    trace = {
+        "name": name,
+        "x": [name] * len(values),
+        "y": style.numbers(values, 8),
+        "fillcolor": colour[1],
+        "line": {"color": colour[0], "width": 1.5},
+        "marker": {"color": colour[0], "size": 3.5, "opacity": 0.55},
+        "jitter": 0.5,
+        "hoverinfo": "y",
+    }
+    if log or len(values) < VIOLIN_FROM:
+        return trace | {"type": "box", "boxpoints": "all", "pointpos": 0}
+    shape = {"box": {"visible": True, "width": 0.12}, "spanmode": "hard", "scalemode": "width", "points": "all", "pointpos": 0}
+    return trace | shape | {"type": "violin", "width": 0.8, "jitter": 0.3, "hoveron": "points"}
+
+
+def means_figure(title: str, means: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Means with 95 % intervals (Student's t): bars from zero, or points on an own scale where bars would look alike."""
+    palette = colours(list(means))
+    shown = {m: s for m, s in means.items() if np.isfinite(s["mean"])}
+    values = np.array([s["mean"] for s in shown.values()])
+    bars = len(values) > 0 and values.min() >= 0 and (values.max() == values.min() or values.max() > CLOSE * values.min())
+    data = []
+    for m, s in shown.items():
+        low, high = s["t_interval"] if np.isfinite(s["t_interval"][0]) else (s["mean"], s["mean"])
+        colour = palette[m][0]
+        error = {"type": "data", "symmetric": False, "array": [high - s["mean"]], "arrayminus": [s["mean"] - low], "thickness": 1.5}
+        hover = f"{style.plain(m)}: %{{y:.6~g}}<extra></extra>"
+        base = {"x": [style.plain(m)], "y": style.numbers(np.array([s["mean"]])), "hovertemplate": hover}
+        if bars:
+            look = {"type": "bar", "marker": {"color": palette[m][1], "line": {"color": colour, "width": 1.5}}, "width": 0.6}
+        else:
+            look = {"type": "scatter", "mode": "markers", "marker": {"color": colour, "size": 9}}
+        data.append(base | look | {"error_y": error | {"width": 6, "color": style.INK if bars else colour}})
+    layout = style.layout(270, annotations=[style.heading(title, 0, 1.02)])
+    layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK}, range=[-0.6, len(shown) - 0.4])
+    layout["yaxis"] = style.axis(tickformat="~g", nticks=6, **({"rangemode": "tozero"} if bars else {}))
+    return {"data": data, "layout": layout}
+
+
+def sorted_figure(methods: Sequence[Mapping[str, Any]]) -> Figure:
+    """Final costs of each method, sorted: the share of its runs that ended at or below a cost."""
+    palette = colours([m["name"] for m in methods])
+    data = []
+    for m in methods:
+        colour, _, dash = palette[m["name"]]
+        few = len(m["sorted"]["cost"]) <= MARKERS_UP_TO
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers" if few else "lines",
+                "name": style.plain(m["name"]),
+                "x": style.numbers(100 * np.array(m["sorted"]["rank"]), 4),
+                "y": style.numbers(np.array(m["sorted"]["cost"]), 8),
+                "line": {"color": colour, "width": 2, "dash": dash},
+                "marker": {"size": 5},
+                "hovertemplate": "%{x:.3~g} % of runs at or below %{y:.6~g}<extra>" + style.plain(m["name"]) + "</extra>",
+            }
+        )
+    every = np.concatenate([np.array(m["sorted"]["cost"], dtype=float) for m in methods])
+    layout = style.layout(300, showlegend=len(methods) > 1, hovermode="closest")
+    layout["xaxis"] = style.axis("runs of the method, best first [%]", range=[0, 101])
+    layout["yaxis"] = _cost_axis(every)
+    return {"data": data, "layout": layout}
+
+
+def _wide(costs: np.ndarray) -> bool:
+    return len(costs) > 0 and bool(costs.min() > 0 and costs.max() > WIDE * costs.min())
+
+
+def _cost_axis(costs: np.ndarray) -> dict[str, Any]:
+    return style.log_axis("final cost", costs) if _wide(costs) else style.axis("final cost", tickformat="~g")
+
+
+def _across(lines: Mapping[str, float]) -> tuple[list[dict], list[dict]]:
+    """Horizontal lines at named costs."""
+    line = {"color": style.WARNING, "width": 1.2, "dash": "dash"}
+    shapes = [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line} for y in lines.values()]
+    base = {"xref": "paper", "x": 1, "xanchor": "right", "yanchor": "bottom", "showarrow": False, "font": style.SMALL}
+    return shapes, [base | {"text": style.plain(name), "y": y} for name, y in lines.items()]
