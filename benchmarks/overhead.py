@@ -1,3 +1,4 @@
+# pyright: reportMissingImports=false
 """`python -m benchmarks.overhead`: processor time that an optimizer itself spends on one evaluation, beside other packages'.
 
 Rosenbrock's function in 10-D, 100 runs side by side, as many candidates a generation as the reference has. Ours is the whole

@@ -1,3 +1,4 @@
+# pyright: reportMissingImports=false
 """Reference implementations on workload S: starts of benchmarks/bbob/references.py on the 310-parameter box, costs by our engine.
 
 A reference sees the box [-5, 5]^310. Where it asks for one candidate at a time, its runs go side by side in threads and are

@@ -179,8 +179,8 @@ def test_our_methods_keep_the_budget_on_host_and_in_jax():
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory):
     """Folder of a short logged run of random search on f1 and f8 in 2-D by the command line."""
-    pytest.importorskip("cocoex")
-    pytest.importorskip("ioh")
+    pytest.importorskip("cocoex", reason="coco-experiment is not installed (make bbob brings it)")
+    pytest.importorskip("ioh", reason="ioh is not installed (make bbob brings it)")
     folder = tmp_path_factory.mktemp("bbob")
     command = [
         sys.executable, "-m", "benchmarks.bbob", "--methods", "numpy-random", "--alone", "--dimensions", "2", "--functions", "1,8",
@@ -204,7 +204,7 @@ def test_logs_tell_what_the_runs_saw(logged):
 
 
 def test_cocopp_reads_the_same_running_times_from_the_logs(logged):
-    cocopp = pytest.importorskip("cocopp", exc_type=ImportError)
+    cocopp = pytest.importorskip("cocopp", exc_type=ImportError, reason="cocopp is not installed (make bbob brings it)")
     theirs = {d.funcId: d for d in cocopp.load(str(logged / "logs" / "numpy-random"))}
     assert sorted(theirs) == [1, 8]
     for function, data in theirs.items():
