@@ -1,5 +1,6 @@
 """Real trouble with the disk in the middle of a study: one sentence, and what was finished is kept."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -7,12 +8,13 @@ from pathlib import Path
 
 import pytest
 from test_study_runner import bits
-from worked_study import PLAN, alone, begun, objective, physical
+from worked_study import PLAN, begun, objective, physical
 
-from plantfit.study import Store, resume
+from plantfit.study import Store, resume, run
 
 HERE = Path(__file__).parent
-ROOM = 16_000  # bytes that the database may grow: a few runs
+ROOM = 16_000  # bytes that the database may grow: a few of the runs, with or without checkpoints beside them
+LONG = dataclasses.replace(PLAN, runs=30)
 
 SCRIPT = """
 import resource, signal, sys
@@ -31,7 +33,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs limits of POSI
 
 def test_a_disk_that_fills_up_costs_nothing_that_was_finished(tmp_path):
     store = Store.open(tmp_path / "study.db")
-    study_id = begun(store, delay=0.0)
+    study_id = begun(store, LONG, delay=0.0)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE), *filter(None, sys.path)]), "JAX_ENABLE_COMPILATION_CACHE": "0"}
     limit = Path(store.name).stat().st_size + ROOM
     words = [sys.executable, "-c", SCRIPT, store.name, str(study_id), str(limit)]
@@ -41,7 +43,8 @@ def test_a_disk_that_fills_up_costs_nothing_that_was_finished(tmp_path):
     assert child.stderr.strip().count("\n") == 0
     assert "study.db" in child.stderr
     kept = store.runs(study_id)
-    assert 0 < len(kept) < PLAN.runs * len(PLAN.methods)
+    assert 0 < len(kept) < LONG.runs * len(LONG.methods)
     resume(store, study_id, objective(0.0), to_physical=physical)  # there is room again
-    assert bits(store.runs(study_id)) == bits(alone())
+    whole = Store.open(tmp_path / "whole.db")
+    assert bits(store.runs(study_id)) == bits(whole.runs(run(LONG, objective(0.0), whole, to_physical=physical)))
     assert [r.seconds for r in store.runs(study_id) if (r.method, r.run) in {(k.method, k.run) for k in kept}] == [r.seconds for r in kept]

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-LARGE = 300  # dimension from which the step size follows two points instead of a path
+LARGE = 300  # dimension from which the step size follows two points instead of a path, and bounds fold back
 WIDEST = 1 / 3  # largest standard deviation of a coordinate
 
 
@@ -82,7 +82,9 @@ class EvolutionStrategy:
         None, 1e-6, 1.0, "first step size, as a share of each range; by default 0.3, around a warm start 0.4 / sqrt(d) and at most 0.2"
     )
     restarts: int = integer(9, 0, 1_000_000, "how many times the search may begin anew, anywhere, after it converged")
-    bounds: str = choice("penalty", ("penalty", "mirror"), "at a bound: clip and pay for the distance, or fold back")
+    bounds: str = choice(
+        "auto", ("auto", "penalty", "mirror"), "at a bound: clip and pay for the distance, or fold back; mirror from 300 parameters"
+    )
     steps: str = choice(
         "auto",
         ("auto", "path", "two_point"),
@@ -121,12 +123,12 @@ class EvolutionStrategy:
         foreign = jnp.any(x != self._inside(state.raw), axis=1)
         y, white = lax.cond(jnp.any(foreign), self._taken_in, lambda s, x, _: ((s.raw - s.mean) / s.sigma, s.z), state, x, foreign)
         cost = f + (
-            penalties(state.penalty, state.mean + state.sigma * y, self.variances(state.shape)) if self.bounds == "penalty" else 0.0
+            0.0 if self._mirror(x.shape[1]) else penalties(state.penalty, state.mean + state.sigma * y, self.variances(state.shape))
         )
         jump = (state.memory.generation == 0) & (state.restarts == 0) & foreign[jnp.argmin(f)]
         moved = state._replace(mean=x[jnp.argmin(f)], sigma=state.warm, first=state.warm)
         learned = self._update(state, y, white, cost)
-        if self.bounds == "penalty":
+        if not self._mirror(n):
             mu_eff = weights(*x.shape).mu_eff
             penalty = adapted(state.penalty, f, learned.mean, learned.sigma, self.variances(learned.shape), mu_eff)
             learned = learned._replace(penalty=penalty)
@@ -167,7 +169,10 @@ class EvolutionStrategy:
         raise NotImplementedError
 
     def _inside(self, raw: Array) -> Array:
-        return mirrored(raw) if self.bounds == "mirror" else jnp.clip(raw, 0.0, 1.0)
+        return mirrored(raw) if self._mirror(raw.shape[1]) else jnp.clip(raw, 0.0, 1.0)
+
+    def _mirror(self, n: int) -> bool:
+        return self.bounds == "mirror" or (self.bounds == "auto" and n >= LARGE)
 
     def _two_point(self, n: int) -> bool:
         return self.steps == "two_point" or (self.steps == "auto" and n >= LARGE)
