@@ -183,7 +183,7 @@ def test_three_kills_of_helpers_and_parents_change_no_bit(tmp_path):
 @needs_proc
 @pytest.mark.slow
 def test_a_hundred_kills_of_helpers_and_parents_change_no_bit(tmp_path):
-    plan = replace(PLAN, runs=40, budget=900)
+    plan = replace(PLAN, runs=80, budget=900)
     runs, kinds = killed(Store.open(tmp_path / "study.db"), plan, 100, 3, seed=3, delay=0.03)
     once = Store.open(tmp_path / "once.db")
     assert kinds == {"helper", "parent"}
