@@ -19,8 +19,8 @@ from plantfit.optimize import Objective
 from plantfit.problem.compress import compress, mean_square
 from plantfit.report import write_comparison
 from plantfit.study import Plan, Store, begin, helping, resume
-from plantfit.study.compared import compared
-from plantfit.study.gathering import gather
+from plantfit.study.comparing.gathering import gather
+from plantfit.study.comparing.record import compared
 
 NAMES = ("m1", "lc1", "I1", "m2", "lc2", "I2")
 

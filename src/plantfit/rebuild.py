@@ -13,7 +13,7 @@ from plantfit.fitting import prepare, shooting_starts
 from plantfit.optimize.contract import Objective
 from plantfit.problem import Problem
 from plantfit.study.objective import objective_of
-from plantfit.study.recipe import STUDY_FILES, Recipe
+from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 
 
 def searched(text: str, path: str, files: Mapping[str, Path], start: np.ndarray | None) -> tuple[Objective, Callable[[Any], Any]]:

@@ -79,8 +79,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, capsys, monkeypatch):
     import os
     import signal
 
-    import plantfit.study.racing as racing
-    from plantfit.study import tuning
+    from plantfit.study.tuning import racing, tuner
 
     held = []
 
@@ -90,7 +89,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, capsys, monkeypatch):
             os.kill(os.getpid(), signal.SIGINT)
         return racing.race(*arguments)
 
-    monkeypatch.setattr(tuning, "race", interrupting)
+    monkeypatch.setattr(tuner, "race", interrupting)
     said = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia", "--out", "settings.toml")
     assert said.code == 130
     assert "not yet compared on fresh seeds" in said.err

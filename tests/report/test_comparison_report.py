@@ -16,8 +16,8 @@ from plantfit.report.comparison_section import of_findings
 from plantfit.report.drawings import Drawings
 from plantfit.report.paper_tables import csv_table, latex_table
 from plantfit.report.schema import read_findings
-from plantfit.study.compared import compared
-from plantfit.study.problem_runs import ProblemRuns
+from plantfit.study.comparing.problem_runs import ProblemRuns
+from plantfit.study.comparing.record import compared
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "study"))
 from method_runs import made_run, two_methods  # pyright: ignore[reportMissingImports]

@@ -15,12 +15,12 @@ from worked_study import MAKER, alone, begun, objective, physical, sums
 
 from plantfit.errors import MissingExtra, SearchError, StoreError
 from plantfit.study import Plan, Store, begin, resume, run
-from plantfit.study.recipe import Recipe
-from plantfit.study.worker import where
+from plantfit.study.problem_recipe import Recipe
+from plantfit.study.worker_names import where
 
 distributed = pytest.importorskip("distributed", reason="needs dask[distributed], which is not installed")
 
-from plantfit.study.cluster import Job, connected, work_on_cluster
+from plantfit.study.cluster.driver import Job, connected, work_on_cluster
 
 TEXT = "0.02"
 
@@ -119,7 +119,7 @@ def test_an_address_that_is_none_and_dask_missing(monkeypatch):
     with pytest.raises(SearchError, match="No dask scheduler answers at 'nonsense'") as caught, connected("nonsense"):
         pass
     assert "\n" not in str(caught.value)
-    monkeypatch.setattr("plantfit.study.cluster.find_spec", lambda name: None)
+    monkeypatch.setattr("plantfit.study.cluster.driver.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"pip install 'plantfit\[cluster\]'"), connected("local"):
         pass
 

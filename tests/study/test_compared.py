@@ -5,8 +5,8 @@ import pytest
 from method_runs import falling, made_run, two_methods
 from scipy import stats
 
-from plantfit.study.compared import compared
-from plantfit.study.problem_runs import ProblemRuns
+from plantfit.study.comparing.problem_runs import ProblemRuns
+from plantfit.study.comparing.record import compared
 from plantfit.study.statistics import summarise
 
 

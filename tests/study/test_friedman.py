@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 
 from plantfit.study import holm
-from plantfit.study.friedman import friedman, hierarchical_interval, resampled_a12, signed_rank, smallest_p
+from plantfit.study.comparing.friedman import friedman, hierarchical_interval, resampled_a12, signed_rank, smallest_p
 
 COSTS = np.random.default_rng(3).gamma(2, 1, (12, 4)) + np.array([0.0, 0.5, 1.0, 2.0])
 NAMES = ("a", "b", "c", "d")

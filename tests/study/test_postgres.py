@@ -48,7 +48,7 @@ def test_a_password_is_never_shown(place):
 
 
 def test_without_psycopg_the_package_is_named(place, monkeypatch):
-    monkeypatch.setattr("plantfit.study.engine.find_spec", lambda name: None)
+    monkeypatch.setattr("plantfit.study.database_engine.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"pip install 'plantfit\[postgres\]'"):
         Store.open(place)
 

@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 
 from plantfit.study import a12, compare, holm
-from plantfit.study.comparison import a12_interval, detectable, effect_word, hitting_order, levels, mann_whitney
+from plantfit.study.comparing.pairwise import a12_interval, detectable, effect_word, hitting_order, levels, mann_whitney
 
 RNG = np.random.default_rng(8)
 A, B, C = RNG.normal(size=20), RNG.normal(0.8, size=25), RNG.normal(size=15)

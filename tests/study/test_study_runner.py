@@ -10,7 +10,7 @@ from plantfit.optimize.contract import Objective
 from plantfit.optimize.progress import Progress
 from plantfit.study import Plan, Store, resume, run
 from plantfit.study.progress import Meter
-from plantfit.study.worker import STALE_SECONDS
+from plantfit.study.worker_names import STALE_SECONDS
 
 PLAN = Plan(name="gearmotor", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
 BACKENDS = ("sqlite", "postgresql")

@@ -12,10 +12,10 @@ from plantfit.optimize import Objective, make, minimise
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.registry import REGISTRY
 from plantfit.optimize.sweep import Job, Sweep
-from plantfit.study.dials import Dial, dials_of
-from plantfit.study.racing import blocks, race, surely_worse
-from plantfit.study.tuned import Contest, Finish, Tuned, contest, finish, ratio_interval
-from plantfit.study.tuning import tune
+from plantfit.study.tuning.dials import Dial, dials_of
+from plantfit.study.tuning.outcome import Contest, Finish, Tuned, contest, finish, ratio_interval
+from plantfit.study.tuning.racing import blocks, race, surely_worse
+from plantfit.study.tuning.tuner import tune
 from plantfit.testing.objectives import bowl
 
 import jax.numpy as jnp

@@ -15,7 +15,7 @@ from worked_study import CHECKPOINT_SECONDS, MAKER, PLAN, alone, begun, objectiv
 from plantfit.study import Plan, Store, helping, resume, run, tasks
 from plantfit.study.cores import free_memory, physical_cores, quota, sensible_workers
 from plantfit.study.search import search_task
-from plantfit.study.worker import new_worker, where
+from plantfit.study.worker_names import new_worker, where
 
 PATIENCE = 120.0
 
@@ -113,14 +113,22 @@ class Killer:
         whole = self.store.whole(self.study_id)
         return whole.study.runs_done, [t.checkpoint for t in whole.tasks]
 
+    def wanted(self):
+        """The first two kills take one of each, so that no luck of the machine leaves a kind out."""
+        return ("helper", "parent")[self.kills] if self.kills < 2 else ("helper" if self.random.random() < 0.6 else "parent")
+
+    def helpers(self):
+        parent = self.parent.pid if self.parent else None
+        return sorted(pids(self.store, self.study_id) - {parent})
+
     def kill_one(self):
         """Wait for something new in the store, then kill -9; False once the study is done."""
         if self.parent is None or self.parent.poll() is not None:
             words = [sys.executable, os.path.join(os.path.dirname(__file__), "worked_study.py"), self.store.name]
             self.parent = subprocess.Popen([*words, str(self.study_id), str(self.workers)], stderr=subprocess.PIPE, text=True)
-        before = self.mark()
+        before, kind = self.mark(), self.wanted()
         limit = time.monotonic() + PATIENCE
-        while self.mark() == before or not pids(self.store, self.study_id):
+        while self.mark() == before or not (self.helpers() if kind == "helper" else pids(self.store, self.study_id)):
             if self.store.study(self.study_id).state == "done":
                 return False
             if self.parent.poll() is not None:
@@ -128,16 +136,16 @@ class Killer:
             assert time.monotonic() < limit, "nothing new came into the store"
             time.sleep(0.02)
         time.sleep(self.random.random() * 0.1)
-        at_work = pids(self.store, self.study_id)
-        helpers = sorted(at_work - {self.parent.pid})
-        if helpers and self.random.random() < 0.6:
+        helpers = self.helpers()
+        if kind == "helper" and helpers:
             os.kill(self.random.choice(helpers), signal.SIGKILL)
-            self.kinds.add("helper")
-        else:
+        elif kind == "parent":
             self.parent.kill()
             self.parent.communicate()
-            self.kinds.add("parent")
             until(lambda: not any(map(alive, helpers)), "helpers outlived their parent")
+        else:
+            return True  # the helper let go while we slept: try again
+        self.kinds.add(kind)
         self.kills += 1
         return True
 

@@ -15,7 +15,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
 from plantfit.study import Plan, Store, begin, helping, resume, run
-from plantfit.study.recipe import Recipe
+from plantfit.study.problem_recipe import Recipe
 
 import jax
 import jax.numpy as jnp
@@ -97,7 +97,7 @@ def alone():
 def main(database: str, study_id: int, workers: str) -> None:
     store = Store.open(database)
     if not workers.isdigit():
-        from plantfit.study.cluster import Job, connected, work_on_cluster
+        from plantfit.study.cluster.driver import Job, connected, work_on_cluster
 
         with connected(workers) as client:
             recipe = Recipe(MAKER, str(store.study(study_id).spec_text), "")

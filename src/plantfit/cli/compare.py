@@ -16,8 +16,8 @@ def compare(
     from plantfit.report import write_comparison
     from plantfit.report.paper_tables import csv_table, latex_table
     from plantfit.study import Store
-    from plantfit.study.compared import compared
-    from plantfit.study.gathering import gather
+    from plantfit.study.comparing.gathering import gather
+    from plantfit.study.comparing.record import compared
 
     _check_numbers({"--target": asked, "--floor": [floor], "--optimum": [optimum]})
     opened = Store.open(store, create=False)

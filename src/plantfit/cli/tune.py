@@ -16,7 +16,7 @@ def tune_search(
     from plantfit import spec as specs
     from plantfit.fitting import prepare
     from plantfit.study import objective_of
-    from plantfit.study.tuning import tune
+    from plantfit.study.tuning.tuner import tune
 
     narrowed = _ranges(ranges)
     names = None if only is None else [n.strip() for n in only.split(",") if n.strip()]

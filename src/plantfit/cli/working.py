@@ -80,7 +80,7 @@ def _begun(opened: Any, one: Ready) -> int:
 
 
 def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Callable[[], bool]) -> None:
-    from plantfit.study.processes import helping
+    from plantfit.study.helper_processes import helping
     from plantfit.study.runner import attend, joined, latched
 
     stop = latched(stop)
@@ -95,14 +95,14 @@ def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: i
 
 
 def _client(scheduler: str, count: int | None) -> Any:
-    from plantfit.study.cluster import connected
+    from plantfit.study.cluster.driver import connected
 
     return connected(scheduler, count)
 
 
 def _cluster(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], client: Any, tell: Any, stop: Callable[[], bool]) -> None:
     from plantfit.rebuild import recipe_of
-    from plantfit.study.cluster import Job, work_on_cluster
+    from plantfit.study.cluster.driver import Job, work_on_cluster
 
     jobs = [Job(number, recipe_of(one.study), one.objective.start) for one, number in zip(chosen, numbers, strict=True)]
     work_on_cluster(opened, jobs, client, progress=tell, stop=stop, say=warn)

@@ -13,7 +13,7 @@ from plantfit.report.sentences import listed, many
 
 
 def write_comparison(record: Mapping[str, Any], path: str | Path) -> Path:
-    """Write the page of a comparison record (`plantfit.study.compared`) to `path` and return it.
+    """Write the page of a comparison record (`plantfit.study.comparing.record`) to `path` and return it.
 
     The file appears whole or not at all; StoreError when the folder is missing or cannot be written to.
     """

@@ -12,8 +12,8 @@ from plantfit.report.drawings import Drawings
 from plantfit.report.figures import comparison_answers, comparison_costs, comparison_curves
 from plantfit.report.schema import Findings, Parameter, Run, array
 from plantfit.report.sentences import listed
-from plantfit.study.compared import compared
-from plantfit.study.problem_runs import ProblemRuns
+from plantfit.study.comparing.problem_runs import ProblemRuns
+from plantfit.study.comparing.record import compared
 from plantfit.study.records import RunRecord
 
 MEANS = {"cost": "mean final cost", "evaluations": "mean evaluations", "seconds": "mean time of a run [s]"}

@@ -5,8 +5,8 @@ from typing import Any
 
 from plantfit.report.numbers import UNKNOWN, count, interval, percent, seconds, significant
 from plantfit.report.tables import Table
-from plantfit.study.comparison import effect_word
-from plantfit.study.sentences import p_value
+from plantfit.study.comparing.pairwise import effect_word
+from plantfit.study.comparing.sentences import p_value
 
 _BEST = (UNKNOWN, UNKNOWN, "best")
 

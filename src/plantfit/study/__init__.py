@@ -8,10 +8,10 @@ resume(store, study_id, objective)
 """
 
 from plantfit.study.basins import Basin, basins
-from plantfit.study.comparison import Comparison, a12, compare, holm
+from plantfit.study.comparing.pairwise import Comparison, a12, compare, holm
+from plantfit.study.helper_processes import helping
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan, Task, tasks
-from plantfit.study.processes import helping
 from plantfit.study.progress import StudyProgress
 from plantfit.study.records import RunRecord, StudyRecord
 from plantfit.study.runner import begin, resume, run

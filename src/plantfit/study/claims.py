@@ -7,7 +7,7 @@ from sqlalchemy import Connection, Row, and_, insert, select, update
 
 from plantfit.study import tables
 from plantfit.study.plan import Task
-from plantfit.study.worker import is_stale
+from plantfit.study.worker_names import is_stale
 
 TABLE = tables.task
 

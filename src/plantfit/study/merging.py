@@ -11,7 +11,7 @@ from plantfit.study.claims import utc_now
 from plantfit.study.codec import from_json, to_blob, to_json
 from plantfit.study.probe import check_same
 from plantfit.study.records import RunRecord, StudyRecord, WholeStudy
-from plantfit.study.whole import add_notes, insert_runs, insert_whole, run_records
+from plantfit.study.whole_studies import add_notes, insert_runs, insert_whole, run_records
 
 MEASURED = ("compile_seconds",)  # entries of extra that, like `seconds`, are another time's whatever the bits
 

@@ -7,7 +7,7 @@ from sqlalchemy import Connection, func, insert, inspect, select
 
 from plantfit.errors import StoreError
 from plantfit.study import tables
-from plantfit.study.engine import one_at_a_time
+from plantfit.study.database_engine import one_at_a_time
 
 Migration = Callable[[Connection], None]
 

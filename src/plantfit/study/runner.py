@@ -14,7 +14,7 @@ from plantfit.study.probe import check_same, probe
 from plantfit.study.progress import StudyProgress
 from plantfit.study.search import Search, search_task
 from plantfit.study.store import Store
-from plantfit.study.taskwork import TaskWorker, ToPhysical
+from plantfit.study.task_worker import TaskWorker, ToPhysical
 from plantfit.study.versions import cpu_model, versions
 
 CHECKPOINT_SECONDS = 2.0

@@ -15,9 +15,9 @@ from plantfit.errors import StoreError
 from plantfit.study import claims, tables
 from plantfit.study.claims import Claim, Held
 from plantfit.study.codec import to_json
-from plantfit.study.engine import clock_ahead, connect, one_at_a_time, readers, writers
+from plantfit.study.database_engine import clock_ahead, connect, one_at_a_time, readers, writers
+from plantfit.study.database_failures import readable, translated
 from plantfit.study.export import write_json, write_parquet
-from plantfit.study.failures import readable, translated
 from plantfit.study.importing import read_study
 from plantfit.study.merging import Merged, find_same, merge
 from plantfit.study.migrations import VERSION, current_version, migrate
@@ -25,7 +25,7 @@ from plantfit.study.plan import Plan, tasks
 from plantfit.study.records import RunRecord, StudyRecord, WholeStudy
 from plantfit.study.rows import run_row, study_record
 from plantfit.study.versions import cpu_model, versions
-from plantfit.study.whole import add_notes, insert_study, insert_whole, run_records, task_records
+from plantfit.study.whole_studies import add_notes, insert_study, insert_whole, run_records, task_records
 
 if TYPE_CHECKING:
     from plantfit.optimize.contract import RunResult

@@ -14,7 +14,7 @@ from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import NullPool
 
 from plantfit.errors import MissingExtra, StoreError
-from plantfit.study.failures import translated
+from plantfit.study.database_failures import translated
 
 WRITES = "plantfit_writes"
 CONNECT_SECONDS = 10

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.study.comparison import LEVEL, effect_word
-from plantfit.study.friedman import smallest_p
-from plantfit.study.profiles import Lead
+from plantfit.study.comparing.friedman import smallest_p
+from plantfit.study.comparing.pairwise import LEVEL, effect_word
+from plantfit.study.comparing.profiles import Lead
 from plantfit.study.statistics import NAN_INTERVAL, Interval
 
 MOST_CHANGES = 3  # leads told one by one

@@ -22,11 +22,11 @@ from plantfit.study.claims import Claim, ClaimLost
 from plantfit.study.cores import sensible_workers
 from plantfit.study.heartbeat import BEAT_SECONDS
 from plantfit.study.plan import Plan
+from plantfit.study.problem_recipe import Recipe
 from plantfit.study.progress import Meter, StudyProgress
-from plantfit.study.recipe import Recipe
 from plantfit.study.runner import CHECKPOINT_SECONDS, latched, note_changes
 from plantfit.study.store import Store
-from plantfit.study.worker import new_worker
+from plantfit.study.worker_names import new_worker
 
 LOCAL = "local"
 CONNECT_SECONDS = 10
@@ -197,7 +197,7 @@ class _Driver:
         return f"plantfit-{self.session}-{study}"
 
     def _publish(self, job: Job) -> None:
-        from plantfit.study.remote import Studied
+        from plantfit.study.cluster.worker_side import Studied
 
         study = self.store.study(job.study)
         studied = Studied(job.study, job.recipe, dict(study.plan), study.coordinates, self.store.probe(job.study), job.start)
@@ -310,7 +310,7 @@ class _Driver:
                 break
 
     def _submit(self, claim: Claim, worker: str) -> _Sent:
-        from plantfit.study.remote import do_task
+        from plantfit.study.cluster.worker_side import do_task
 
         key, study, task = f"plantfit-{uuid.uuid4().hex}", self._name(claim.study), claim.task
         future = self.client.submit(

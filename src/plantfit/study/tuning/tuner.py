@@ -1,6 +1,6 @@
 """Tune the settings of one method on a problem with another method outside.
 
-from plantfit.study.tuning import tune
+from plantfit.study.tuning.tuner import tune
 
 found = tune(objective, "pso", outer="pso", budget=5000, runs=20, trials=60, seed=1)
 print(found.sentence)
@@ -22,9 +22,9 @@ from plantfit.optimize.loop import check_needs, minimise
 from plantfit.optimize.nested import Nested
 from plantfit.optimize.registry import make
 from plantfit.optimize.sweep import Job, Sweep
-from plantfit.study.dials import Dials, dials_of
-from plantfit.study.racing import race
-from plantfit.study.tuned import Contest, Finish, Trial, Tuned, contest, finish
+from plantfit.study.tuning.dials import Dials, dials_of
+from plantfit.study.tuning.outcome import Contest, Finish, Trial, Tuned, contest, finish
+from plantfit.study.tuning.racing import race
 
 import jax
 import jax.numpy as jnp

@@ -1,6 +1,6 @@
 """A process that helps with studies of a store, as `processes.helping` starts it:
 
-    PLANTFIT_HELPER_STORE=ADDRESS python -m plantfit.study.helper MAKER SECONDS STUDY [STUDY ...]
+    PLANTFIT_HELPER_STORE=ADDRESS python -m plantfit.study.helper_main MAKER SECONDS STUDY [STUDY ...]
 
 It makes the problems anew, shares the tasks through the store, saves a checkpoint every SECONDS, and ends when
 all are done, when its standard input closes (the parent asks it to stop, or has died), or on SIGTERM.
@@ -14,11 +14,11 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from plantfit.errors import PlantfitError, StoreError
-from plantfit.study.processes import ADDRESS
-from plantfit.study.recipe import STUDY_FILES, Recipe
+from plantfit.study.helper_processes import ADDRESS
+from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 from plantfit.study.runner import attend, joined, latched
 from plantfit.study.store import Store
-from plantfit.study.taskwork import TaskWorker
+from plantfit.study.task_worker import TaskWorker
 
 
 def main(maker: str, seconds: str, *studies: str) -> int:

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from plantfit.study.recipe import STUDY_FILES
+from plantfit.study.problem_recipe import STUDY_FILES
 from plantfit.study.runner import CHECKPOINT_SECONDS
 from plantfit.study.store import Store
 
@@ -63,7 +63,7 @@ def _start(maker: str, address: str, studies: Sequence[int], checkpoint_seconds:
     # what this process can import, its helpers can; -c and notebooks have no module to start anew
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path), ADDRESS: address}
     return subprocess.Popen(
-        [sys.executable, "-m", "plantfit.study.helper", maker, str(checkpoint_seconds), *map(str, studies)],
+        [sys.executable, "-m", "plantfit.study.helper_main", maker, str(checkpoint_seconds), *map(str, studies)],
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment, text=True,
         start_new_session=True,  # Ctrl-C in the terminal is for the parent, which passes it on
     )  # fmt: skip

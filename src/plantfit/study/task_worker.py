@@ -13,14 +13,14 @@ import numpy as np
 
 from plantfit.errors import SearchError, Status, StoreError
 from plantfit.optimize.contract import Objective, RunResult
+from plantfit.study.checkpoint_keeper import Keeper
 from plantfit.study.claims import Claim, ClaimLost
 from plantfit.study.heartbeat import beating
-from plantfit.study.keeper import Keeper
 from plantfit.study.plan import Plan, Task
 from plantfit.study.progress import Meter, StudyProgress
 from plantfit.study.search import Search
 from plantfit.study.store import Store
-from plantfit.study.worker import new_worker
+from plantfit.study.worker_names import new_worker
 
 ToPhysical = Callable[[Any], Any]
 

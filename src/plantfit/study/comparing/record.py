@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.study import sentences
-from plantfit.study.across import across
-from plantfit.study.answers import best_runs, distinct_answers
-from plantfit.study.comparison import compare, detectable, hitting_order
-from plantfit.study.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
-from plantfit.study.profiles import best_costs, by_evaluations, by_seconds, ecdf, grid_of, hitting_times, leads, quartiles
+from plantfit.study.comparing import sentences
+from plantfit.study.comparing.across_problems import across
+from plantfit.study.comparing.best_answers import best_runs, distinct_answers
+from plantfit.study.comparing.pairwise import compare, detectable, hitting_order
+from plantfit.study.comparing.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
+from plantfit.study.comparing.profiles import best_costs, by_evaluations, by_seconds, ecdf, grid_of, hitting_times, leads, quartiles
+from plantfit.study.comparing.sentences import Pair
+from plantfit.study.comparing.targets import Scale, Target, profile_targets, scale_of, targets
 from plantfit.study.records import RunRecord
-from plantfit.study.sentences import Pair
 from plantfit.study.statistics import expected_running_time, ratio_interval, running_time_interval, summarise, wilson_interval
-from plantfit.study.targets import Scale, Target, profile_targets, scale_of, targets
 
 KEPT_COSTS = 400  # sorted final costs per method
 RESAMPLES = 2000

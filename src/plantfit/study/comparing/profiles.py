@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.study.comparison import a12
+from plantfit.study.comparing.pairwise import a12
 from plantfit.study.records import RunRecord
 
 GRID = 200  # points of a common logarithmic grid

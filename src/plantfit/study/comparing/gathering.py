@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from plantfit.errors import StoreError
+from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.probe import check_same
-from plantfit.study.problem_runs import ProblemRuns
 from plantfit.study.records import RunRecord, StudyRecord
 from plantfit.study.store import Store
 

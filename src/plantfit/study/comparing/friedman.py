@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from plantfit.study.comparison import holm
+from plantfit.study.comparing.pairwise import holm
 from plantfit.study.statistics import Interval
 
 

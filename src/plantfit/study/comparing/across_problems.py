@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.study import friedman as ranks
-from plantfit.study import sentences
-from plantfit.study.comparison import a12
-from plantfit.study.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
-from plantfit.study.profiles import GRID, data_profile, grid_of, hitting_times
+from plantfit.study.comparing import friedman as ranks
+from plantfit.study.comparing import sentences
+from plantfit.study.comparing.pairwise import a12
+from plantfit.study.comparing.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
+from plantfit.study.comparing.profiles import GRID, data_profile, grid_of, hitting_times
+from plantfit.study.comparing.targets import profile_targets, scale_of
 from plantfit.study.records import RunRecord
 from plantfit.study.statistics import expected_running_time, running_times
-from plantfit.study.targets import profile_targets, scale_of
 
 RUN_RESAMPLES = 2000
 RESAMPLES = 10_000
