@@ -2,12 +2,11 @@ import csv
 import io
 import json
 import re
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from chromium import drawn
 from findings_example import example
 
 from plantfit.errors import StoreError
@@ -151,26 +150,9 @@ def test_the_report_of_a_study_has_the_section_for_several_runs():
 
 
 def test_chromium_draws_every_figure(page, tmp_path):
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if not chromium:
-        pytest.skip("no Chromium here: install chromium to check the drawn page")
     path = tmp_path / "compare.html"
     path.write_text(page, encoding="utf-8")
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        "--disable-background-networking",
-        "--no-first-run",
-    ]
-    options += [
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-        f"--user-data-dir={tmp_path / 'profile'}",
-        "--virtual-time-budget=15000",
-        "--dump-dom",
-    ]
-    drawn = subprocess.run([chromium, *options, path.as_uri()], capture_output=True, text=True, timeout=90).stdout
-    assert drawn.count('class="main-svg"') >= len(figures_in(drawn))
-    assert "Download plot" in drawn
-    assert 'data-title="Share' not in drawn
+    document = drawn(path, tmp_path / "profile")
+    assert document.count('class="main-svg"') >= len(figures_in(document))
+    assert "Download plot" in document
+    assert 'data-title="Share' not in document

@@ -3,12 +3,11 @@
 import json
 import os
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import pytest
+from chromium import drawn
 from findings_example import example
 
 from plantfit.errors import PlantfitError, StoreError
@@ -200,27 +199,9 @@ def test_summary_holds_verdict_and_parameters():
 
 
 def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if not chromium:
-        pytest.skip("no Chromium here: install chromium to check the drawn page")
-    path = write_report(example(samples=200), tmp_path / "report.html")
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        "--disable-background-networking",
-        "--no-first-run",
-    ]
-    options += [
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-        f"--user-data-dir={tmp_path / 'profile'}",
-        "--virtual-time-budget=15000",
-        "--dump-dom",
-    ]
-    drawn = subprocess.run([chromium, *options, path.as_uri()], capture_output=True, text=True, timeout=90).stdout
-    page = Page(drawn)
-    count = len(figures_in(drawn))
+    document = drawn(write_report(example(samples=200), tmp_path / "report.html"), tmp_path / "profile")
+    page = Page(document)
+    count = len(figures_in(document))
     assert count == 17
     assert sum("main-svg" in (attrs.get("class") or "") for tag, attrs in page.tags if tag == "svg") >= count
     titles = [attrs.get("data-title") or "" for _, attrs in page.tags]

@@ -17,14 +17,23 @@ def figure(name: str, value: float, unit: str | None, reference: float | None = 
 
 
 def record(
-    name: str, title: str, figures: Sequence[dict[str, Any]], sentences: Sequence[str], answers: Sequence[Answer], files: Sequence[Path]
+    name: str,
+    title: str,
+    figures: Sequence[dict[str, Any]],
+    sentences: Sequence[str],
+    answers: Sequence[Answer],
+    files: Sequence[Path],
+    sections: Sequence[dict[str, Any]] = (),
+    subtitle: str = "",
 ) -> dict[str, Any]:
     """The record that `registry.demos` describes."""
     return {
         "name": name,
         "title": title,
+        "subtitle": subtitle,
         "figures": list(figures),
         "sentences": list(sentences),
         "answers": list(answers),
         "files": list(files),
+        "sections": list(sections),
     }

@@ -14,14 +14,15 @@ _SENTENCES = {
 
 
 def demos() -> dict[str, tuple[str, Callable[[], Run]]]:
-    """Name -> (sentence, loader); `loader()` gives `run(folder, progress=None) -> record`.
+    """Name -> (sentence, loader); `loader()` gives `run(folder, progress=None) -> record`, some with `full=False` besides.
 
     `run` copies the study files and recordings of the demo into `folder` (made when missing), fits
     them there and returns a record:
 
         {"name": str, "title": str,
          "figures": [{"name", "value", "unit", "reference": number | None, "source": str}],
-         "sentences": [str], "answers": [Answer], "files": [Path of each study file]}
+         "sentences": [str], "answers": [Answer], "files": [Path of each study file],
+         "subtitle": str, "sections": [parts of a page of its own, see `plantfit.report.case_page`; may be none]}
 
     Everything but `answers` and `files` is of JSON types. Raises StoreError for a folder that cannot be written to.
     """

@@ -1,5 +1,6 @@
 """`plantfit demo`: a real recording, end to end."""
 
+import inspect
 import time
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,8 @@ def listed(json: bool) -> None:
         out.print(f"{name:12} {sentence}", markup=False)
 
 
-def demo(name: str, folder: str, json: bool) -> None:
-    """Run one demo in `folder`/`name` and write a report for every fit."""
+def demo(name: str, folder: str, full: bool, json: bool) -> None:
+    """Run one demo in `folder`/`name` and write a report for every fit, and a page of its own where it has sections."""
     from plantfit.cases.registry import demos
 
     known = demos()
@@ -30,9 +31,18 @@ def demo(name: str, folder: str, json: bool) -> None:
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n")
     began = time.perf_counter()
+    run = load()
+    if full and "full" not in inspect.signature(run).parameters:
+        raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
     with progress_line(json) as tell:
-        record = load()(Path(folder) / name, progress=tell)
-    reports = [str(a.report(Path(folder) / name / f"{_file(a.problem.name)}.html").resolve()) for a in record["answers"]]
+        record = run(Path(folder) / name, progress=tell, **({"full": True} if full else {}))
+    names = [f"{_file(a.problem.name)}.html" for a in record["answers"]]
+    pages = [a.report(Path(folder) / name / file) for a, file in zip(record["answers"], names, strict=True)]
+    if record["sections"]:
+        from plantfit.report.case_page import write_case_page
+
+        pages.insert(0, write_case_page(record, Path(folder) / name / f"{name}.html", names))
+    reports = [str(page.resolve()) for page in pages]
     if json:
         plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
         fits = [

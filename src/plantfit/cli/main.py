@@ -39,15 +39,16 @@ STORE = "plantfit.db"
 
 @app.command()
 def demo(
-    name: Annotated[str, typer.Argument(help="gearmotor, tanks or emps; see `plantfit demo --list`.")] = "gearmotor",
+    name: Annotated[str, typer.Argument(help="Name of a demo; see `plantfit demo --list`.")] = "gearmotor",
     out: Annotated[str, typer.Option("--out", "-o", help="Folder for the reports.")] = "out",
     list_: Annotated[bool, typer.Option("--list", help="Name the demos and stop.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="The whole study instead of a minute of it, where a demo has both.")] = False,
     json: Json = False,
 ) -> None:
-    """Fit a real recording that comes with plantfit, end to end, and write its report."""
+    """Work a demo that comes with plantfit, end to end, and write its reports."""
     from plantfit.cli import demos
 
-    demos.listed(json) if list_ else demos.demo(name, out, json)
+    demos.listed(json) if list_ else demos.demo(name, out, full, json)
 
 
 @app.command()

@@ -26,7 +26,7 @@ def render_comparison(record: Mapping[str, Any]) -> str:
     runs = sum(m["runs"] for p in record["problems"] for m in p["methods"])
     names = list(dict.fromkeys(m["name"] for p in record["problems"] for m in p["methods"]))
     context = {
-        "name": record["name"],
+        "title": record["name"],
         "subtitle": f"{many(runs, 'run')} of {listed(names)} on {many(len(record['problems']), 'problem')}.",
         "across": _across(record["across"], drawings) if record["across"] else None,
         "problems": [section(p, drawings) for p in record["problems"]],

@@ -101,6 +101,7 @@ def _context(record: Findings) -> dict[str, Any]:
     drawings = Drawings()
     shown = {
         "record": record,
+        "title": record.name,
         "subtitle": sentences.subtitle(record),
         "tally": sentences.tally(record),
         "verdict": _verdict(record),
