@@ -79,8 +79,6 @@ def drive_regression() -> LinearModel:
         outputs={"force": "N"},
         parameters=_PARAMETERS,
         regressor=regressor,
-        target="force",
-        unit="N",
         signals={"acceleration": "m/s^2", "velocity": "m/s"},
         sentence="Force of a linear drive, linear in mass and friction.",
         source=_SOURCE,

@@ -18,6 +18,8 @@ _PLACES = {
     "drive_regression": "plantfit.models.drive",
     "first_order": "plantfit.models.process",
     "hammerstein_wiener": "plantfit.models.hammerstein_wiener",
+    "pendubot": "plantfit.models.pendubot",
+    "pendubot_regression": "plantfit.models.pendubot",
     "second_order": "plantfit.models.process",
     "steam_chamber": "plantfit.models.steam_chamber",
     "tabled_first_order": "plantfit.models.tabled_process",

@@ -46,36 +46,59 @@ class Direct:
             return jnp.mean(self.residuals(z, data) ** 2)
         values = self.space.physical(z)
         squares, count = 0.0, 0.0
-        for name, triangle in data["triangles"].items():
-            p = self.space.tree(values, name)
-            base = jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.predictor.model.parameters])
-            squares, count = squares + triangle.n * mean_square(triangle, base), count + triangle.n
-        return squares / (count * data["scale"][self.outputs[0]] ** 2)
+        for name, triangles in data["triangles"].items():
+            base = self.predictor.coefficients(self.space.tree(values, name))
+            for output, triangle in triangles.items():
+                squares = squares + triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
+                count = count + triangle.n
+        return squares / count
+
+    def short_residuals(self, z: Any, data: Any) -> Any:
+        """Residuals of a regression in k + 1 rows for each output of each recording, with the mean square of all of them."""
+        values = self.space.physical(z)
+        parts, count = [], 0.0
+        for name, triangles in data["triangles"].items():
+            base = self.predictor.coefficients(self.space.tree(values, name))
+            for output, triangle in triangles.items():
+                rows = jnp.append(triangle.R @ base - triangle.projected, jnp.sqrt(triangle.rest))
+                parts.append(rows / data["scale"][output])
+                count = count + triangle.n
+        short = jnp.concatenate(parts)
+        return short * jnp.sqrt(len(short) / count)
 
     def costs(self, zs: Any, data: Any) -> Any:
         """Costs (n,) of cube points (n, d)."""
+        if "triangles" in data:
+            return jax.vmap(lambda z: self.cost(z, data))(zs)
         row_bytes = 8 * 8 * sum(x.size for x in jax.tree.leaves(data["drive"])) * max(1, self.predictor.rows)
         return jax.lax.map(lambda z: self.cost(z, data), zs, batch_size=max(1, min(zs.shape[0], MEMORY // row_bytes)))
 
     def values_and_gradients(self, zs: Any, data: Any) -> tuple[Any, Any]:
         """Costs (n,) and gradients (n, d)."""
+        if "triangles" in data:
+            return jax.vmap(lambda z: jax.value_and_grad(self.cost)(z, data))(zs)
         return jax.lax.map(lambda z: jax.value_and_grad(self.cost)(z, data), zs)
 
     def residuals_and_jacobian(self, z: Any, data: Any) -> tuple[Any, Any]:
         """Residuals (m,) and dense derivatives (m, d)."""
-
-        def once(z):
-            r = self.residuals(z, data)
-            return r, r
-
-        jacobian, r = jax.jacfwd(once, has_aux=True)(z)
-        return r, jacobian
+        return _with_jacobian(self.residuals, z, data)
 
     def blocks(self, z: Any, data: Any) -> list[tuple[Any, Any]]:
-        """Residuals and derivatives in one block, by all coordinates."""
-        return [self.residuals_and_jacobian(z, data)]
+        """Residuals and derivatives in one block, by all coordinates; few rows of the same mean square for a regression."""
+        return [_with_jacobian(self.short_residuals if "triangles" in data else self.residuals, z, data)]
 
     @property
     def local(self) -> np.ndarray:
         """Coordinates of every block (1, d)."""
         return np.arange(self.space.dimension)[None, :]
+
+
+def _with_jacobian(residuals: Any, z: Any, data: Any) -> tuple[Any, Any]:
+    """Residuals (m,) and their derivatives (m, d)."""
+
+    def once(z):
+        r = residuals(z, data)
+        return r, r
+
+    jacobian, r = jax.jacfwd(once, has_aux=True)(z)
+    return r, jacobian

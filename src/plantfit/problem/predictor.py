@@ -62,7 +62,7 @@ class Predictor:
         """The numbers of the first `stop` samples of a recording; `longest` as in `Simulator.drive`."""
         r, cut = experiment.recording, slice(None, stop)
         if isinstance(self.model, LinearModel):
-            return self.model.columns({n: r[n] for n in self.model.signals})[cut]
+            return {o: c[cut] for o, c in self.model.blocks({n: r[n] for n in self.model.signals}).items()}
         if experiment.steady:
             return AtRest(tuple(np.asarray(r[n][cut], dtype=float) for n in self.model.inputs))
         return self.stepping().drive(
@@ -76,10 +76,16 @@ class Predictor:
     def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:
         """Every output at every sample, name -> (n,)."""
         if isinstance(self.model, LinearModel):
-            return {self.model.target: drive @ jnp.stack([jnp.asarray(p[d.name], dtype=float) for d in self.model.parameters])}
+            base = self.coefficients(p)
+            return {o: columns @ base for o, columns in drive.items()}
         if isinstance(drive, AtRest):
             return self._at_rest(p, drive)
         return self.stepping().outputs(p, drive)
+
+    def coefficients(self, p: Mapping[str, Any]) -> Any:
+        """The coefficients (k,) of a regression at named parameters."""
+        assert isinstance(self.model, LinearModel)
+        return jnp.stack([jnp.asarray(c, dtype=float) for c in self.model.coefficient_values(p)])
 
     def _at_rest(self, p: Mapping[str, Any], drive: AtRest) -> dict[str, Any]:
         vector, values = self.stepping().vector, self.stepping().positional(p)

@@ -149,9 +149,14 @@ class Problem:
             "scale": {o: np.asarray(self.scales[o]) for o in self.outputs},
         }
         if isinstance(self.model, LinearModel):
-            target = self.model.target
-            rows = {n: (np.asarray(self._fit_drive[n])[self._index[n, target]], self._measured[n, target]) for n in keys}
-            found["triangles"] = {n: compress(*row) for n, row in rows.items()}
+            found["triangles"] = {
+                n: {
+                    o: compress(np.asarray(self._fit_drive[n][o])[self._index[n, o]], self._measured[n, o])
+                    for o in self.outputs
+                    if len(self._index[n, o])
+                }
+                for n in keys
+            }
         return found
 
     @cached_property
