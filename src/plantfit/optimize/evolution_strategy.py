@@ -1,6 +1,7 @@
 """What the covariance matrix adaptation strategies share: mean, step size, bounds, foreign points, stop rules, restarts."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -67,7 +68,7 @@ class Ranked(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EvolutionStrategy:
+class EvolutionStrategy(ABC):
     """(mu/mu_w, lambda) strategy around a shape that a variant defines by `fresh_shape`, `stretch`, `whiten`,
     `variances`, `lengths`, `axis` and `learn`.
 
@@ -140,33 +141,33 @@ class EvolutionStrategy:
         fresh = self._restart(kept)
         return jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, kept), {"stop": last}
 
+    @abstractmethod
     def fresh_shape(self, n: int) -> Any:
         """The sphere."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stretch(self, shape: Any, z: Array) -> Array:
         """C^(1/2) z for rows of z."""
-        raise NotImplementedError
 
+    @abstractmethod
     def whiten(self, shape: Any, y: Array) -> Array:
         """C^(-1/2) y for rows of y."""
-        raise NotImplementedError
 
+    @abstractmethod
     def variances(self, shape: Any) -> Array:
         """The diagonal of C."""
-        raise NotImplementedError
 
+    @abstractmethod
     def lengths(self, shape: Any) -> Array:
         """Square roots of the eigenvalues of C."""
-        raise NotImplementedError
 
+    @abstractmethod
     def axis(self, shape: Any, k: Array) -> Array:
         """Principal axis k of C, with its length."""
-        raise NotImplementedError
 
+    @abstractmethod
     def learn(self, shape: Any, ranked: Ranked) -> Any:
         """The shape after one generation."""
-        raise NotImplementedError
 
     def _inside(self, raw: Array) -> Array:
         return mirrored(raw) if self._mirror(raw.shape[1]) else jnp.clip(raw, 0.0, 1.0)

@@ -1,5 +1,6 @@
 """Differential evolution whose F and CR follow a memory of what succeeded; the base of shade, lshade, jso and dish."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -60,7 +61,7 @@ def lehmer(weights: Array, values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class SuccessHistory:
+class SuccessHistory(ABC):
     """The common step: current-to-pbest/1/bin with an archive and a success history.
 
     v = x_i + F_w (x_pbest - x_i) + F (x_r1 - x_r2), x_r2 from population and archive (Zhang and Sanderson 2009,
@@ -78,9 +79,9 @@ class SuccessHistory:
     archive: float = number(1.0, 0.0, 10.0, "size of the archive of beaten parents, in populations")
     restarts: int = integer(9, 0, MOST_RESTARTS, "how many times the search may begin anew after its population collapsed")
 
+    @abstractmethod
     def default_population(self, facts: Facts) -> int:
         """Members at the start when the user gives none."""
-        raise NotImplementedError
 
     def size(self, members: Members) -> Array:
         """Members of the next generation."""
@@ -90,9 +91,9 @@ class SuccessHistory:
         """Members of a population that begins anew with `rest` evaluations left."""
         return jnp.asarray(rows)
 
+    @abstractmethod
     def greediness(self, u: Array, members: Members) -> Array:
         """Share p of the population that pbest is drawn from, a number or (rows,); u is in [0, 1)."""
-        raise NotImplementedError
 
     def pbest(self, u: Array, top: Array, base: Array, t: Array) -> Array:
         """Rows of pbest among the best `top`."""
@@ -114,9 +115,9 @@ class SuccessHistory:
         """Weights of the successes, not yet normalised, from their gain in cost and their distance ||u - x||."""
         return gain
 
+    @abstractmethod
     def written(self, memory: Memory, weights: Array, factor: Array, rate: Array) -> Memory:
         """The memory after a generation with at least one success; `weights` sum to 1 and are 0 for failures."""
-        raise NotImplementedError
 
     def rows(self, facts: Facts) -> int:
         if self.population is not None:
