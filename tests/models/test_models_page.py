@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import plantfit as pf
 from plantfit.models import Model
+from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.vector import vectorise
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "models.md"
@@ -25,7 +28,7 @@ SHOWS = {
 
 
 def test_every_section_with_code_is_known():
-    assert set(EXAMPLES) == set(SHOWS)
+    assert set(EXAMPLES) == {*SHOWS, "Regressions"}
 
 
 @pytest.mark.parametrize("section", SHOWS)
@@ -50,3 +53,22 @@ def test_the_tables_are_described(capsys):
     shown = capsys.readouterr().out
     assert "10 values, 0.1 to 1.5" in shown
     assert "4 values, = 30 to 70" in shown
+
+
+def test_the_regression_finds_mass_and_length_through_its_base():
+    names: dict = {}
+    exec(compile(EXAMPLES["Regressions"], str(PAGE), "exec"), names)
+    model, rng = names["model"], np.random.default_rng(0)
+    signals = {n: rng.normal(size=200) for n in model.signals}
+    tau = model.predict(signals, {"m": 0.7, "l": 0.4, "Fc": 0.1})
+    recording = Recording(np.arange(200.0), {n: Signal(v, None) for n, v in {**signals, "tau": tau}.items()})
+    answer = pf.fit(pf.Problem(model, recording), "least_squares", budget=1000)
+    assert answer.values == pytest.approx({"m": 0.7, "l": 0.4, "Fc": 0.1}, rel=1e-6)
+
+
+def test_the_pendubots_of_the_page_can_be_made():
+    section = PAGE.read_text("utf-8").split("\n## Pendubot and double pendulum\n")[1].split("\n## ")[0]
+    names: dict = {}
+    exec("\n".join(line[4:] for line in section.splitlines() if line.startswith("    ")), names)
+    assert list(names["plant"].inputs) == ["V"]
+    assert list(names["torque"].coefficients) == ["b1", "b2", "b4", "b5"]

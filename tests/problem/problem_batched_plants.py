@@ -101,7 +101,7 @@ class Case:
 
 def direct(problem: Problem) -> Direct:
     """The same problem, record by record, without chunks."""
-    return Direct(problem.predictor, problem.space, problem.outputs)
+    return Direct(problem.predictor, problem.space, problem.outputs, tuple(problem.data["drive"]))
 
 
 def points(problem: Problem, n: int, seed: int = 0) -> np.ndarray:

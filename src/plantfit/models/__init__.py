@@ -9,6 +9,7 @@ from plantfit.models.friction import coulomb, lugre, stribeck, viscous
 from plantfit.models.hammerstein_wiener import hammerstein_wiener
 from plantfit.models.library import make, models
 from plantfit.models.model import Declared, Delay, Model
+from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
 from plantfit.models.process import first_order, second_order
 from plantfit.models.regression import LinearModel
 from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
@@ -39,6 +40,9 @@ __all__ = [
     "lugre",
     "make",
     "models",
+    "motor_torque",
+    "pendubot",
+    "pendubot_regression",
     "quantize",
     "second_order",
     "smooth_abs",

@@ -18,11 +18,12 @@ MEMORY = 1 << 30  # bytes that one batch of candidates may take
 
 @dataclass(frozen=True, eq=False)
 class Direct:
-    """Pure functions of (z, data); `data` is `Problem.data`."""
+    """Pure functions of (z, data); `data` is `Problem.data`, of all the recordings `names` or some of them."""
 
     predictor: Predictor
     space: Space
     outputs: tuple[str, ...]
+    names: tuple[str, ...]
 
     @property
     def local_dimension(self) -> int:
@@ -33,12 +34,16 @@ class Direct:
         """Scaled residuals (m,), simulated minus measured; recording by recording, output by output."""
         values = self.space.physical(z)
         parts = []
-        for name, drive in data["drive"].items():
-            y = self.predictor.outputs(self.space.tree(values, name), drive)
+        for name in self._present(data):
+            y = self.predictor.outputs(self.space.tree(values, name), data["drive"][name])
             for output in self.outputs:
                 picked = jnp.take(y[output], data["index"][name][output])
                 parts.append((picked - data["measured"][name][output]) / data["scale"][output])
         return jnp.concatenate(parts)
+
+    def _present(self, data: Any) -> list[str]:
+        """Recordings in the order of the problem; a compiled function gets its mappings sorted by name."""
+        return [n for n in self.names if n in data["drive"]]
 
     def cost(self, z: Any, data: Any) -> Any:
         """Mean of the squared scaled residuals at a cube point (d,); of a regression without looking at its samples again."""
@@ -46,9 +51,9 @@ class Direct:
             return jnp.mean(self.residuals(z, data) ** 2)
         values = self.space.physical(z)
         squares, count = 0.0, 0.0
-        for name, triangles in data["triangles"].items():
+        for name in self._present(data):
             base = self.predictor.coefficients(self.space.tree(values, name))
-            for output, triangle in triangles.items():
+            for output, triangle in data["triangles"][name].items():
                 squares = squares + triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
                 count = count + triangle.n
         return squares / count
@@ -57,9 +62,9 @@ class Direct:
         """Residuals of a regression in k + 1 rows for each output of each recording, with the mean square of all of them."""
         values = self.space.physical(z)
         parts, count = [], 0.0
-        for name, triangles in data["triangles"].items():
+        for name in self._present(data):
             base = self.predictor.coefficients(self.space.tree(values, name))
-            for output, triangle in triangles.items():
+            for output, triangle in data["triangles"][name].items():
                 rows = jnp.append(triangle.R @ base - triangle.projected, jnp.sqrt(triangle.rest))
                 parts.append(rows / data["scale"][output])
                 count = count + triangle.n

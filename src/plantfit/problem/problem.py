@@ -175,7 +175,7 @@ class Problem:
     @property
     def _functions(self) -> Direct | Batched | Mixed:
         """The pure functions for these steps; records are cut into chunks only once."""
-        direct = Direct(self.predictor, self.space, self.outputs)
+        direct = Direct(self.predictor, self.space, self.outputs, tuple(self._fit_drive))
         moving = {n: d for n, d in self._fit_drive.items() if isinstance(d, Drive)}
         if not self.predictor.has_steps or not moving or getattr(self.model, "state_delays", ()):
             return direct
