@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import plantfit.runtime  # noqa: F401
 from benchmarks import data
-from benchmarks.native import native
+from benchmarks.c_twins import c_twin
 from benchmarks.timing import Timing, timed
 from plantfit.models.equations import equations
 from plantfit.problem import Problem
@@ -78,7 +78,7 @@ def run(quick: bool) -> dict[str, float]:
 
 def _twin(task: data.Motor, substeps: int) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
     """Candidates (n, 6) to mean squared errors (n,) and the speeds (1500,) of the first, in C; None without a compiler."""
-    c_costs = native("motor", "motor_costs")
+    c_costs = c_twin("motor", "motor_costs")
     if c_costs is None:
         return None
     voltage, speed = np.ascontiguousarray(task.voltage), np.ascontiguousarray(task.speed)

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 import plantfit.runtime  # noqa: F401
 from benchmarks import data
-from benchmarks.native import native
+from benchmarks.c_twins import c_twin
 from plantfit.control import Gains, pid, step_observer
 from plantfit.models.equations import equations
 from plantfit.optimize import Facts
@@ -118,7 +118,7 @@ def _rounds(calls: dict[str, Callable], gains: np.ndarray) -> tuple[dict[str, fl
 
 def _twin(task: data.Loop) -> Callable[[np.ndarray], np.ndarray] | None:
     """Gains (n, 3) to metrics (5, n) in C, or None without a compiler."""
-    c_metrics = native("pid", "pid_metrics")
+    c_metrics = c_twin("pid", "pid_metrics")
     if c_metrics is None:
         return None
     r, inductance, k, b, j = task.motor

@@ -8,7 +8,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from benchmarks import data
-from benchmarks.native import native
+from benchmarks.c_twins import c_twin
 from benchmarks.timing import timed
 from plantfit.optimize import Objective, minimise
 from plantfit.problem.compress import compress, mean_square
@@ -62,7 +62,7 @@ def run(quick: bool) -> dict[str, float]:
 
 def _twin(task: data.Torque) -> Callable[[np.ndarray], np.ndarray] | None:
     """Costs (n,) of physical parameters (n, 6) from every sample, in C; None without a compiler."""
-    c_costs = native("torque", "torque_costs")
+    c_costs = c_twin("torque", "torque_costs")
     if c_costs is None:
         return None
     regressor, torque = np.ascontiguousarray(task.regressor), np.ascontiguousarray(task.torque)

@@ -12,8 +12,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 import plantfit.runtime  # noqa: F401
 from plantfit import recording as rec
-from plantfit.errors import PlantfitError, SpecError
+from plantfit.errors import PlantfitError, SearchError, SpecError
 from plantfit.models import equations, library
+from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem, split
 from plantfit.space import Parameter
 from plantfit.study.plan import Plan, default_budget
@@ -169,16 +170,24 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
         substeps=table.simulation.substeps,
         name=table.name,
     )
+    return Study(table.name, text, path, problem, _plan(table, problem, path), table)
+
+
+def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
     search = table.search
-    plan = Plan(
-        name=table.name,
-        methods=tuple(search.methods),
-        runs=search.runs,
-        budget=search.budget if search.budget is not None else default_budget(problem.space.dimension),
-        seed=search.seed,
-        settings=search.settings,
-    )
-    return Study(table.name, text, path, problem, plan, table)
+    try:
+        for method in search.methods:
+            make(method, **search.settings.get(method, {}))
+        return Plan(
+            name=table.name,
+            methods=tuple(search.methods),
+            runs=search.runs,
+            budget=search.budget if search.budget is not None else default_budget(problem.space.dimension),
+            seed=search.seed,
+            settings=search.settings,
+        )
+    except SearchError as error:
+        raise SpecError(f"{path.name}, [search]: {error}") from None
 
 
 def validated(text: str, path: Path) -> SpecTable:

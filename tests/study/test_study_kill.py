@@ -8,9 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
-from killed_child import PLAN, objective
+from killed_child import PLAN
 from sqlalchemy import func, select
 from test_study_runner import bits
+from worked_study import objective
 
 from plantfit.study import Store, resume, run, tables
 

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.steam.compiler import build
 
 
-def native(name: str, function: str) -> Callable[..., None] | None:
+def c_twin(name: str, function: str) -> Callable[..., None] | None:
     """A function of benchmarks/`name`.c that takes contiguous float64 arrays, ints (int64) and floats; None without a compiler."""
     built = build(Path(__file__).with_name(f"{name}.c"))
     if built is None:
