@@ -3,12 +3,14 @@
 from plantfit.recording.adjust import convert_units, detrend, scale, subtract
 from plantfit.recording.arrays import from_arrays, read_mat, read_npz
 from plantfit.recording.csv import read_csv
+from plantfit.recording.cutoff import Cutoff, cutoff_frequency
 from plantfit.recording.derivative import differentiate
 from plantfit.recording.description import ColumnSummary, Description, describe
 from plantfit.recording.filters import lowpass
 from plantfit.recording.gaps import fill_gaps
 from plantfit.recording.outliers import drop_outliers
 from plantfit.recording.parts import cut, shift_time, split
+from plantfit.recording.presliding import presliding
 from plantfit.recording.readers import read
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.resampling import decimate, resample
@@ -18,11 +20,13 @@ from plantfit.recording.write import to_csv
 
 __all__ = [
     "ColumnSummary",
+    "Cutoff",
     "Description",
     "Recording",
     "Signal",
     "convert_units",
     "cut",
+    "cutoff_frequency",
     "decimate",
     "describe",
     "detrend",
@@ -33,6 +37,7 @@ __all__ = [
     "from_frame",
     "lowpass",
     "period_of",
+    "presliding",
     "read",
     "read_csv",
     "read_mat",

@@ -1,39 +1,25 @@
 """Low-pass filtering."""
 
-import numpy as np
-from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
-
-from plantfit.errors import RecordingError
+from plantfit.recording.butterworth import smooth
+from plantfit.recording.cutoff import CutoffRule, resolve_cutoff
 from plantfit.recording.record import Recording
-from plantfit.recording.sampling import by_stretch, lost, require_positive, signal_of, uniform_period, with_signal
+from plantfit.recording.sampling import lost, signal_of, uniform_period, with_signal
 
 
-def lowpass(recording: Recording, name: str, cutoff: float, order: int = 2, causal: bool = False) -> Recording:
+def lowpass(
+    recording: Recording, name: str, cutoff: float | CutoffRule, order: int = 2, causal: bool = False, noise: float | None = None
+) -> Recording:
     """Butterworth low-pass at `cutoff` Hz; zero-phase (forwards and backwards) unless `causal`.
 
+    `cutoff` may name a rule of `cutoff_frequency`, with its `noise`.
     A causal filter delays the signal and halves the power at the cutoff; the zero-phase one does
     not delay and halves the amplitude there. Stretches between missing samples are filtered apart.
     Raises RecordingError for a cutoff at or above half the sampling rate, and for uneven steps.
     """
     signal = signal_of(recording, name)
     period = uniform_period(recording, f"lowpass({name!r})")
+    cutoff, why = resolve_cutoff(recording, name, cutoff, order, noise)
     values = smooth(signal.values, period, cutoff, order, causal, f"lowpass({name!r})")
     kind = "causal" if causal else "zero-phase"
-    sentence = f"All {len(values)} samples of {name!r} low-pass filtered ({kind} Butterworth, order {order}, {cutoff:g} Hz)"
-    return with_signal(recording, name, values, signal.unit, f"{sentence}{lost(signal.values, values)}.")
-
-
-def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal: bool, step: str) -> np.ndarray:
-    """Values (n,) through a Butterworth low-pass, stretch by stretch."""
-    cutoff = require_positive(cutoff, f"{step}: cutoff")
-    nyquist = 0.5 / period
-    if cutoff >= nyquist * (1 - 1e-9):
-        raise RecordingError(f"{step}: cutoff {cutoff:g} Hz is not below half the sampling rate, {nyquist:g} Hz; give a lower one.")
-    if not isinstance(order, (int, np.integer)) or not 1 <= order <= 10:
-        raise RecordingError(f"{step}: order is {order!r}; give a whole number from 1 to 10.")
-    sections = np.asarray(butter(order, cutoff / nyquist, output="sos"))
-    if causal:
-        # starts in the steady state of the first sample, so that there is no jump from 0
-        return by_stretch(values, 1, lambda part, _: sosfilt(sections, part, zi=sosfilt_zi(sections) * part[0])[0])
-    pad = 3 * (2 * len(sections) + 1)
-    return by_stretch(values, pad + 1, lambda part, _: sosfiltfilt(sections, part, padlen=pad))
+    sentence = f"All {len(values)} samples of {name!r} low-pass filtered ({kind} Butterworth, order {order}, {cutoff:.4g} Hz)"
+    return with_signal(recording, name, values, signal.unit, f"{sentence}{lost(signal.values, values)}.{why}")

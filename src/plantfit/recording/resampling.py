@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.recording.filters import smooth
+from plantfit.recording.butterworth import smooth
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.sampling import period_of, require_positive, signal_of
 
