@@ -2,11 +2,17 @@
 
 from plantfit.trust.assess import assess
 from plantfit.trust.base_parameters import BaseParameters, base_parameters
+from plantfit.trust.certified_floor import Floor, certified_floor
 from plantfit.trust.combinations import Combinations, combinations
+from plantfit.trust.constrained_optimum import Optimum, constrained_optimum
 from plantfit.trust.covariance import covariance
 from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.feasibility import LinkNames, link_constraints
 from plantfit.trust.flat_curves import FlatCurve, flat_curves
 from plantfit.trust.local import Local, linearise
+from plantfit.trust.openings import Measurement, Openings, openings
+from plantfit.trust.possible import Possible, nearest_possible
+from plantfit.trust.regression_errors import RegressionPart, regression_covariance
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
 
 __all__ = [
@@ -14,15 +20,28 @@ __all__ = [
     "Combinations",
     "Direction",
     "FlatCurve",
+    "Floor",
+    "LinkNames",
     "Local",
+    "Measurement",
+    "Openings",
+    "Optimum",
+    "Possible",
+    "RegressionPart",
     "assess",
     "autocorrelation",
     "base_parameters",
+    "certified_floor",
     "combinations",
+    "constrained_optimum",
     "covariance",
     "cross_correlation",
     "flat_curves",
     "flat_directions",
     "linearise",
+    "link_constraints",
+    "nearest_possible",
+    "openings",
+    "regression_covariance",
     "whiteness",
 ]
