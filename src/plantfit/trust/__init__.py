@@ -10,6 +10,7 @@ from plantfit.trust.directions import Direction, flat_directions
 from plantfit.trust.feasibility import LinkNames, link_constraints
 from plantfit.trust.flat_curves import FlatCurve, flat_curves
 from plantfit.trust.local import Local, linearise
+from plantfit.trust.next_experiment import Experiment, Gain, d_optimal, gain
 from plantfit.trust.openings import Measurement, Openings, openings
 from plantfit.trust.possible import Possible, nearest_possible
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
@@ -19,8 +20,10 @@ __all__ = [
     "BaseParameters",
     "Combinations",
     "Direction",
+    "Experiment",
     "FlatCurve",
     "Floor",
+    "Gain",
     "LinkNames",
     "Local",
     "Measurement",
@@ -36,8 +39,10 @@ __all__ = [
     "constrained_optimum",
     "covariance",
     "cross_correlation",
+    "d_optimal",
     "flat_curves",
     "flat_directions",
+    "gain",
     "linearise",
     "link_constraints",
     "nearest_possible",
