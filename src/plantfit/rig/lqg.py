@@ -44,7 +44,7 @@ def scheduled_lqg(
     """LQG designs at `nodes` values of a scheduling variable, straight lines between, at its values `along` (N,).
 
     `linearised(value)` gives A (n, n) and B (n, 1) in continuous time at the equilibrium of that value; the input is held
-    over `period` (s). Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., sections 9.2 and 9.4.
+    over `period` (s). Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., chapter 9.
     """
     values = np.linspace(along.min(), along.max(), nodes if np.ptp(along) > 0 else 1)
     designs = [_design(*linearised(float(value)), period, weights, measured) for value in values]

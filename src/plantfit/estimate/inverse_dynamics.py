@@ -1,0 +1,114 @@
+"""Parameters of a machine from its inverse dynamics: from angles and torques to an unbiased estimate."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from plantfit.errors import RecordingError, SimulationError
+from plantfit.estimate.comparison import Comparison, compare_estimates
+from plantfit.estimate.estimate import Estimate
+from plantfit.estimate.instrumental import instrumental_variables
+from plantfit.estimate.parallel_filter import ParallelFilter
+from plantfit.models.regression import LinearModel
+from plantfit.recording.derivative import differentiate
+from plantfit.recording.filters import lowpass
+from plantfit.recording.record import Recording, Signal
+from plantfit.recording.sampling import uniform_period, with_signal
+
+
+@dataclass(frozen=True)
+class InverseFit:
+    """`estimate` by instrumental variables, plain `least_squares` on the same rows (all alike), and whether they differ (`bias`)."""
+
+    estimate: Estimate
+    least_squares: Estimate
+    bias: Comparison
+
+
+@dataclass(frozen=True)
+class InverseDynamics:
+    """How recorded angles become the rows of a regression `model` whose outputs are torques.
+
+    `joints` name each measured angle with the signals of its rate and acceleration. Angles and `held` inputs pass a low-pass
+    at `smoothing` Hz before they are differentiated; columns and torques then the parallel filter of `band` Hz, the band of
+    the motion. `held` names signals that are constant from each sample to the next: at a sample such a signal has the mean of
+    both sides. `torques(signals)` gives the torque of every output, an array or a number.
+    """
+
+    model: LinearModel
+    joints: Mapping[str, tuple[str, str]]
+    torques: Callable[[Recording], Mapping[str, Any]]
+    held: tuple[str, ...] = ()
+    smoothing: float = 20.0
+    band: float = 5.0
+
+    def motion(self, recording: Recording) -> Recording:
+        """The recording with smoothed angles and inputs, rates and accelerations."""
+        for name in self.held:
+            if name in recording.signals:
+                values = recording[name]
+                centred = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1])])
+                recording = with_signal(recording, name, centred, recording.signals[name].unit, f"{name!r} is held between samples.")
+                recording = lowpass(recording, name, self.smoothing, order=4)
+        for angle, (rate, acceleration) in self.joints.items():
+            known = {n: s for n, s in recording.signals.items() if n not in (rate, acceleration)}
+            recording = lowpass(Recording(recording.t, known, recording.name, recording.log), angle, self.smoothing, order=4)
+            recording = differentiate(recording, angle, rate, "central")
+            recording = differentiate(recording, rate, acceleration, "central")
+        return recording
+
+    def rows(self, recording: Recording) -> np.ndarray:
+        """Columns (N, m, k) of all m outputs, filtered in parallel."""
+        signals = self.motion(recording)
+        return self._filter(recording)(np.stack(list(self.model.blocks({n: signals[n] for n in self.model.signals}).values()), axis=1))
+
+    def target(self, recording: Recording) -> np.ndarray:
+        """Torques (N, m), filtered in parallel."""
+        given = self.torques(self.motion(recording))
+        missing = [o for o in self.model.outputs if o not in given]
+        if missing:
+            raise RecordingError(f"torques gives {list(given)}; it needs {missing[0]!r} too, 0 where no torque acts.")
+        return self._filter(recording)(np.stack([np.broadcast_to(given[o], recording.t.shape) for o in self.model.outputs], axis=1))
+
+    def fit(
+        self,
+        recording: Recording,
+        simulate: Callable[[Mapping[str, float]], Recording] | None = None,
+        reference: Mapping[str, str] | None = None,
+        iterations: int = 10,
+    ) -> InverseFit:
+        """The coefficients of the model by instrumental variables.
+
+        The first instruments come from the `reference` motion, angle -> signal of the recording that its controller was to follow,
+        or where it is left out from the recording itself, which is plain least squares. `simulate(values)` gives the angles of the
+        closed loop without noise, from which the next ones are made. Give one of the two at least.
+        Raises RecordingError for what is missing, SimulationError where the loop cannot be simulated at an estimate.
+        """
+        if simulate is None and reference is None:
+            raise RecordingError("Nothing to make instruments of; give simulate, the noise-free closed loop, or the reference motion.")
+        x, y, names = self.rows(recording), self.target(recording), tuple(self.model.coefficients)
+        plain = instrumental_variables(x, y, x, names, whiten=False)
+        first = x if reference is None else self.rows(self._followed(recording, reference))
+        again = None if simulate is None else lambda values: self.rows(_simulated(simulate, values))
+        estimate = instrumental_variables(x, y, first if again is None else again, names, start=first, iterations=iterations)
+        return InverseFit(estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables")))
+
+    def _filter(self, recording: Recording) -> ParallelFilter:
+        return ParallelFilter(uniform_period(recording, "inverse dynamics"), self.band)
+
+    def _followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
+        missing = [angle for angle in self.joints if angle not in reference]
+        if missing:
+            raise RecordingError(f"reference names no signal for {missing[0]!r}; give one for each of {list(self.joints)}.")
+        signals = {a: Signal(recording[n], recording.signals[a].unit) for a, n in reference.items()}
+        return Recording(recording.t, {**recording.signals, **signals}, recording.name)
+
+
+def _simulated(simulate: Callable[[Mapping[str, float]], Recording], values: Mapping[str, float]) -> Recording:
+    try:
+        return simulate(values)
+    except SimulationError as error:
+        told = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
+        raise SimulationError(f"Instruments cannot be simulated at {told}: {error} Begin with the reference motion.") from None
