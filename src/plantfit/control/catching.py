@@ -1,8 +1,9 @@
 """How far from an equilibrium a loop may begin and still return to it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from plantfit.simulate.closed_loop import ClosedLoop, Observer
 
 import jax
 import jax.numpy as jnp
+
+BATCH = 16  # starts on each side in a round
 
 
 @dataclass(frozen=True)
@@ -66,40 +69,46 @@ def largest_initial_angle(
             "give positive numbers, resolution below largest and settled at most seconds."
         )
     samples = round(seconds / loop.period)
-    watch = _farthest({name: float(at.get(name, 0.0)) for name in names}, (samples - round(settled / loop.period)) * loop.period)
+    begin = (samples - round(settled / loop.period)) * loop.period
+    watch = _farthest(tuple((name, float(at.get(name, 0.0))) for name in names), begin)
 
-    @jax.jit
-    def caught(far):
-        def one(distance):
-            x0 = {name: at.get(name, 0.0) + distance * along.get(name, 0.0) for name in states}
-            return loop.observe(watch, controller, plant, {} if reference is None else reference, samples=samples, x0=x0, inputs=inputs)
+    def one(distance):
+        x0 = {name: at.get(name, 0.0) + distance * along.get(name, 0.0) for name in states}
+        return loop.observe(watch, controller, plant, {} if reference is None else reference, samples=samples, x0=x0, inputs=inputs)
 
-        return jax.vmap(one)(far) <= tolerance  # nan is not caught
+    def caught(far: np.ndarray) -> np.ndarray:
+        good = np.asarray(jax.vmap(one)(np.r_[0.0, far.ravel()])) <= tolerance  # nan is not caught
+        if not good[0]:
+            raise SimulationError(
+                "The loop does not hold the state it begins about; mend the controller, or give more seconds or tolerance."
+            )
+        return good[1:].reshape(far.shape)
 
-    if not caught(jnp.zeros(1))[0]:
-        raise SimulationError(
-            "The loop does not hold the state it is to return to; mend the controller, or give more seconds or tolerance."
-        )
-    inner, outer = np.zeros(2), np.full(2, float(largest))
-    beyond = np.zeros(2, dtype=bool)
-    signs, parts, first = np.array([-1.0, 1.0]), np.arange(1, 17) / 16.0, True
+    return _outward(caught, float(largest), resolution)
+
+
+def _outward(caught: Callable[[np.ndarray], np.ndarray], largest: float, resolution: float) -> Caught:
+    """Both brackets between a start that is caught and the next that is not, narrowed in one batch a round."""
+    inner, outer, beyond = np.zeros(2), np.full(2, largest), np.zeros(2, dtype=bool)
+    signs, first = np.array([[-1.0], [1.0]]), True
     while first or np.any((outer - inner > resolution) & ~beyond):
-        far = inner[:, None] + (outer - inner)[:, None] * parts
-        good = np.asarray(caught(jnp.asarray((signs[:, None] * far).ravel()))).reshape(2, 16)
-        beyond, first = np.where(first, good.all(axis=1), beyond), False
-        for k in range(2):
-            reached = 16 if good[k].all() else int(np.argmin(good[k]))
-            at_most = far[k, reached] if reached < 16 else outer[k]
-            inner[k], outer[k] = (far[k, reached - 1] if reached else inner[k]), at_most
-    widths = np.where(beyond, 0.0, outer - inner)
-    return Caught(float(inner[0]), float(inner[1]), float(widths.max()), bool(beyond[0]), bool(beyond[1]))
+        far = inner[:, None] + (outer - inner)[:, None] * np.arange(1, BATCH + 1) / BATCH
+        good = caught(signs * far)
+        beyond, first = (good.all(axis=1) if first else beyond), False
+        for k, row in enumerate(good):
+            reached = BATCH if row.all() else int(np.argmin(row))
+            ends = np.r_[inner[k], far[k], outer[k]]
+            inner[k], outer[k] = ends[reached], ends[reached + 1]
+    width = float(np.max(np.where(beyond, 0.0, outer - inner)))
+    return Caught(float(inner[0]), float(inner[1]), width, bool(beyond[0]), bool(beyond[1]))
 
 
-def _farthest(at: Mapping[str, float], begin: float) -> Observer:
+@lru_cache(maxsize=32)  # one identity per choice, so that loops compile once
+def _farthest(at: tuple[tuple[str, float], ...], begin: float) -> Observer:
     """The largest deviation of the outputs named in `at` from time `begin` on; nan spreads."""
 
     def update(seen, t, y, u, reference):
-        far = jnp.max(jnp.stack([jnp.abs(y[name] - value) for name, value in at.items()]))
+        far = jnp.max(jnp.stack([jnp.abs((y[name] if isinstance(y, dict) else y) - value) for name, value in at]))
         return jnp.where(t >= begin, jnp.maximum(seen, far), seen)
 
     return Observer(lambda y, reference: jnp.asarray(0.0), update, lambda seen: seen)

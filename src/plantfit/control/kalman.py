@@ -56,12 +56,16 @@ def kalman_observer(plant: LinearPlant, period: float, process: Any, measurement
     q, r = sampled_noise(plant.A, np.diag(rate**2), period), np.diag(seen**2)
     try:
         p = solve_discrete_are(sampled.A.T, sampled.C.T, q, r)
-    except (LinAlgError, ValueError) as why:
+        gain = np.linalg.solve(sampled.C @ p @ sampled.C.T + r, sampled.C @ p).T
+        # the solver may return a covariance that no filter has
+        slowest = np.abs(np.linalg.eigvals(sampled.A - sampled.A @ gain @ sampled.C)).max()
+    except (LinAlgError, ValueError):
+        slowest, gain = np.inf, sampled.C.T
+    if not slowest < 1.0:
         raise SimulationError(
             f"No steady Kalman filter exists for the outputs {list(plant.outputs)}: a state that they do not show grows or wanders "
             "freely; measure more, or let other states wander."
-        ) from why
-    gain = np.linalg.solve(sampled.C @ p @ sampled.C.T + r, sampled.C @ p).T
+        )
     return Estimator(*(jnp.asarray(m) for m in (sampled.A, sampled.B, sampled.C, sampled.D, gain, plant.x0, plant.u0, plant.y0)))
 
 

@@ -46,12 +46,17 @@ def regulator(plant: LinearPlant, q: np.ndarray, r: np.ndarray) -> tuple[np.ndar
     """Gain (m, n) and cost-to-go P (n, n) of a discrete plant."""
     try:
         p = solve_discrete_are(plant.A, plant.B, q, r)
-    except (LinAlgError, ValueError) as why:
+        gain = np.linalg.solve(r + plant.B.T @ p @ plant.B, plant.B.T @ p @ plant.A)
+        # the solver may return a cost that holds nothing
+        slowest = np.abs(np.linalg.eigvals(plant.A - plant.B @ gain)).max()
+    except (LinAlgError, ValueError):
+        slowest, gain, p = np.inf, plant.B.T, plant.A
+    if not slowest < 1.0:
         raise SimulationError(
             f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows or lasts, and is not moved by "
             "the inputs or not weighted; weigh it, or drive more inputs."
-        ) from why
-    return np.linalg.solve(r + plant.B.T @ p @ plant.B, plant.B.T @ p @ plant.A), p
+        )
+    return gain, p
 
 
 def state_feedback(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple[str, ...]) -> Controller:

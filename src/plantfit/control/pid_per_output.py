@@ -29,7 +29,8 @@ def pid_per_output(
 
     `poles` (1/s) are those of the continuous loop without filters and sampling: as many as states, and one more where the
     output `integral` is given an integral part. `filter_time` (s) of all derivatives. The parameters are `Gains` by output,
-    which may be changed or searched. A reference names outputs; others stay at the equilibrium.
+    which may be changed or searched; they differentiate the measurement alone (c = 0), so that no step kicks. A reference names
+    outputs; others stay at the equilibrium.
 
     With u = -K x the gains are [Kp, Kd] = K [C; C A]^-1, and Ki the gain on the integral of the error, added as a state.
     Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, sections 7.5 and 7.10 (integral control).
@@ -58,7 +59,7 @@ def pid_per_output(
     both = np.linalg.solve(np.concatenate([c, c @ plant.A]).T, k[:n])
     tail = float(k[n]) if integral is not None else 0.0
     gains = {
-        name: Gains(float(both[j]), tail if name == integral else 0.0, float(both[p + j]), filter_time=filter_time)
+        name: Gains(float(both[j]), tail if name == integral else 0.0, float(both[p + j]), c=0.0, filter_time=filter_time)
         for j, name in enumerate(plant.outputs)
     }
     low, high = limits_of(limits, plant.inputs)
