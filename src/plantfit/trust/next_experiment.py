@@ -35,7 +35,7 @@ class Experiment:
 
 def d_optimal(
     information: Callable[[Any], Any],
-    violation: Callable[[Any], Any],
+    violation: Callable[[Any], Any] | None,
     bounds: tuple[Any, Any],
     method: str = "cmaes",
     budget: int = 2000,
@@ -46,7 +46,8 @@ def d_optimal(
     """The design in `bounds` (lower (d,), upper (d,)) with the largest log det of its information (k, k).
 
     `information` and `violation` (any shape, > 0 where a limit is broken, in units that can be added up) are jax-traceable
-    functions of a design (d,). A design that breaks a limit is worse than any that does not, and the more the
+    functions of a design (d,); with `violation` None, `information` gives both, so that one simulation serves both.
+    A design that breaks a limit is worse than any that does not, and the more the
     more it breaks (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311, eq. 4). `start` (d,) or (m, d) are designs to begin from; `method`
     is any of `plantfit methods` without a gradient. D-optimality: Fedorov, Theory of Optimal Experiments, 1972, section 2.1.
     Raises SearchError for bounds that cannot be, and when no design of `budget` tries keeps all limits.
@@ -58,10 +59,10 @@ def d_optimal(
         )
 
     def measured(design: Any) -> tuple[Any, Any, Any]:
-        matrix = jnp.asarray(information(design))
+        matrix, broken = information(design) if violation is None else (information(design), violation(design))
         size = jnp.sqrt(jnp.maximum(jnp.diag(matrix), 1e-300))
         sign, log_det = jnp.linalg.slogdet(matrix / jnp.outer(size, size))  # units apart, or small ones are lost
-        total = jnp.sum(jnp.maximum(jnp.ravel(jnp.asarray(violation(design))), 0.0))
+        total = jnp.sum(jnp.maximum(jnp.ravel(jnp.asarray(broken)), 0.0))
         return matrix, jnp.where(sign > 0, log_det, -jnp.inf) + 2.0 * jnp.sum(jnp.log(size)), total
 
     def costs(cube: Any) -> Any:

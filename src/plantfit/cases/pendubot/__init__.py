@@ -1,0 +1,1 @@
+"""The pendubot: torque of a double pendulum driven at its first joint."""
