@@ -3,7 +3,7 @@
 import difflib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,14 +14,16 @@ import plantfit.runtime  # noqa: F401
 from plantfit import recording as rec
 from plantfit.errors import PlantfitError, SearchError, SpecError
 from plantfit.models import equations, library
+from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem, split
+from plantfit.problem.filter_alike import filter_alike
 from plantfit.space import Parameter
 from plantfit.study.plan import Plan, default_budget
 
 CLEANING = (
     "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
-    "decimate", "cut", "shift_time",
+    "smooth_motion", "presliding", "decimate", "cut", "shift_time",
 )  # fmt: skip
 
 
@@ -76,6 +78,13 @@ class TableTable(_Table):
     unit: str | None = None
 
 
+class AlikeTable(_Table):
+    cutoff: float
+    order: int = 3
+    every: int = 1
+    drop: float = 0.1
+
+
 class ModelTable(_Table):
     kind: str | None = None
     options: dict[str, Any] = {}
@@ -86,6 +95,7 @@ class ModelTable(_Table):
     constants: dict[str, float | str] = {}
     tables: dict[str, TableTable] = {}
     hold: dict[str, Literal["previous", "linear"]] = {}
+    filter_alike: AlikeTable | None = None
     check_units: bool = True
 
 
@@ -159,10 +169,12 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     """The same from a text; recordings are looked for beside `path`, or where `files` says."""
     path = Path(path)
     table = validated(text, path)
-    model = _model(table, path)
+    model, experiments = _model(table, path), {n: _experiment(n, r, path, files or {}) for n, r in table.recording.items()}
+    if table.model.filter_alike is not None:
+        model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
     problem = Problem(
         model,
-        {n: _experiment(n, r, path, files or {}) for n, r in table.recording.items()},
+        experiments,
         {n: _parameter(p) for n, p in table.parameters.items()},
         scales=table.scales,
         hold=table.model.hold,
@@ -260,6 +272,17 @@ def _model(table: SpecTable, path: Path):
     except PlantfitError as error:
         error.args = (f"{path.name}, [model]: {error}",)
         raise
+
+
+def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
+    if not isinstance(model, LinearModel):
+        raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
+    try:
+        columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
+    except PlantfitError as error:
+        error.args = (f"{path.name}, [model] filter_alike: {error}",)
+        raise
+    return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}
 
 
 def _parameter(p: ParameterTable) -> Parameter:

@@ -5,11 +5,13 @@ import pytest
 from model_calls import derivative, initial_state
 from scipy.integrate import solve_ivp
 
+import plantfit.recording as rec
 from plantfit.errors import ModelError
 from plantfit.models.double_pendulum import Motion, energies
 from plantfit.models.model import Model
 from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
 from plantfit.models.pendubot_terms import base_values
+from plantfit.trust.windows import simulate_windows
 
 import jax
 import jax.numpy as jnp
@@ -189,3 +191,29 @@ def test_an_undriven_joint_has_no_load():
 def test_wrong_options_are_named(options, words):
     with pytest.raises(ModelError, match=words):
         pendubot(**options)
+
+
+def test_presliding_holds_a_link_at_rest_where_a_smoothed_sign_creeps():
+    t = np.linspace(0, 3, 601)
+    start = {"theta1": 0.1, "theta2": 0.0, "omega1": 0.0, "omega2": 0.0, "slide1": 0.0, "slide2": 0.0}
+    values = {"b1": 0.05, "b2": 0.05, "b4": 0.2, "b5": 0.15, "Fv1": 0.0, "Fv2": 0.0, "Fc1": 1.0, "Fc2": 1.0}
+    zero = np.zeros_like(t)
+    signals = {"tau1": zero, "tau2": zero, **{n: np.full_like(t, v) for n, v in start.items()}}
+    moved = {}
+    for sign in ("presliding", "tanh"):
+        m = pendubot("base", "hanging", joints=(1, 2), friction=("viscous", "coulomb"), sign=sign, sign_width=0.1, velocity_output=True)
+        made = simulate_windows(m, {"r": rec.from_arrays(t, signals=signals)}, values, 3.0)
+        moved[sign] = np.abs(made["r"].simulated["theta1"][0] - 0.1)
+    creep = {sign: abs(m[-1] - m[len(m) // 2]) for sign, m in moved.items()}
+    assert moved["presliding"].max() < 0.005
+    assert creep["presliding"] < 2e-4
+    assert creep["tanh"] > 0.01
+
+
+def test_presliding_regression_reads_the_states_of_the_recording():
+    m = pendubot_regression("base", "hanging", joints=(1, 2), friction=("coulomb", "offset"), sign="presliding")
+    signals = {n: np.zeros(5) for n in m.signals} | {"slide1": np.linspace(-1, 1, 5), "slide2": np.linspace(1, -1, 5)}
+    blocks = m.blocks(signals)
+    names = list(m.coefficients)
+    np.testing.assert_array_equal(blocks["tau1"][:, names.index("Fc1")], signals["slide1"])
+    np.testing.assert_array_equal(blocks["tau2"][:, names.index("Fc2")], signals["slide2"])

@@ -48,6 +48,7 @@ def pendubot(
     sign: Sign = "tanh",
     sign_width: float = 0.01,
     stribeck_velocity: float = 0.1,
+    presliding_distance: float = 0.001,
     l1: float = 0.15,
     g: float = 9.81,
 ) -> Model:
@@ -62,7 +63,8 @@ def pendubot(
     viscous, coulomb, stribeck, load (of the applied torque), offset, for both joints. `gear_ratio` adds rotors of inertia Ir
     before the gears of `motors` (by default `joints`).
     Starts at the first measured angles; at rest, or with `initial` "free" at rates omega1_0, omega2_0 (velocities that are
-    outputs start where measured). l1 (m) is the length of link 1.
+    outputs start where measured); with `sign` "presliding" so do states slide1, slide2,
+    which otherwise start at 0. l1 (m) is the length of link 1.
 
     Source: `double_pendulum` (equations), `joint_friction`.
     """
@@ -71,9 +73,10 @@ def pendubot(
     check_choice("initial", initial, Initial)
     if drive == "voltage" and driven != (1,):
         raise ModelError(f"Pendubot: drive 'voltage' with joints {driven}; a motor by voltage drives joint 1 alone, so give joints = (1,).")
-    rub = {j: JointFriction(_parts(friction, load=j in driven), sign_width, stribeck_velocity, sign) for j in (1, 2)}
+    rub = {j: JointFriction(_parts(friction, load=j in driven), sign_width, stribeck_velocity, sign, presliding_distance) for j in (1, 2)}
     arm = Arm(parameters, angles, rub, gear_ratio, driven if motors is None else _joints("motors", motors), l1, g)
     gear = gear_ratio or 1.0
+    sliding = [j for j in (1, 2) if rub[j].has_state]
 
     def derivative(x: Named, u: Named, p: Named) -> Named:
         if drive == "voltage":
@@ -81,22 +84,24 @@ def pendubot(
         else:
             taus = {j: u[f"tau{j}"] for j in driven}
         alpha1, alpha2 = accelerations(arm.terms(x, taus), arm.base(p), taus.get(1, 0.0), taus.get(2, 0.0))
-        return {"theta1": x["omega1"], "theta2": x["omega2"], "omega1": alpha1, "omega2": alpha2}
+        slides = {f"slide{j}": rub[j].sliding_rate(x[f"omega{j}"], x[f"slide{j}"]) for j in sliding}
+        return {"theta1": x["omega1"], "theta2": x["omega2"], "omega1": alpha1, "omega2": alpha2, **slides}
 
     def initial_state(p: Named, u0: Named, y0: Named) -> Named:
         still = jnp.zeros_like(jnp.asarray(y0["theta1"], dtype=float))
+        slides = {f"slide{j}": y0.get(f"slide{j}", still) for j in sliding}
         if velocity_output:
             rates = {n: y0[n] for n in ("omega1", "omega2")}
         else:
             rates = {n: p[f"{n}_0"] if initial == "free" else still for n in ("omega1", "omega2")}
-        return {"theta1": y0["theta1"], "theta2": y0["theta2"], **rates}
+        return {"theta1": y0["theta1"], "theta2": y0["theta2"], **rates, **slides}
 
     angle, rate = {"theta1": "rad", "theta2": "rad"}, {"omega1": "rad/s", "omega2": "rad/s"}
-    outputs = {**angle, **rate} if velocity_output else angle
+    outputs = {**angle, **rate, **{f"slide{j}": "" for j in sliding}} if velocity_output else angle
     starts = [Declared(f"{n}_0", "rad/s", (-10.0, 10.0), sentence=f"{n} at the first sample") for n in rate]
     return Model(
         name="pendubot",
-        states={**angle, **rate},
+        states={**angle, **rate, **{f"slide{j}": "" for j in sliding}},
         inputs={"V": "V"} if drive == "voltage" else {f"tau{j}": "N*m" for j in driven},
         outputs=outputs,
         parameters=(
@@ -129,7 +134,8 @@ def pendubot_regression(
 
     Signals theta1, theta2 (rad), omega1, omega2 (rad/s), alpha1, alpha2 (rad/s^2); targets tau1, tau2 (N m). tau1 alone does
     not show the friction of joint 2. The friction part "load" reads the signals load1, load2 (N m), a first estimate of the
-    torque through each joint; not the target itself, whose noise would bias the coefficient.
+    torque through each joint; not the target itself, whose noise would bias the coefficient. `sign` "presliding" reads slide1,
+    slide2, which `recording.presliding` makes from the angles, over its own distance.
     """
     scored = _joints("joints", joints)
     rub = {j: JointFriction(_parts(friction), sign_width, stribeck_velocity, sign) for j in scored}
@@ -148,7 +154,7 @@ def pendubot_regression(
         outputs={f"tau{j}": "N*m" for j in scored},
         parameters=arm.declared,
         regressor=regressor,
-        signals=motion | {n: "N*m" for n in loads.values()},
+        signals=motion | {n: "N*m" for n in loads.values()} | {f"slide{j}": "" for j, r in rub.items() if r.has_state},
         coefficients=arm.coefficients,
         base=arm.base,
         sentence="Torque of a pendubot's joints from their motion, linear in base parameters and friction.",

@@ -79,13 +79,16 @@ class Arm:
         return {**links, **{d.name: p[d.name] for d in self._beside()}}
 
     def terms(self, s: Named, loads: Mapping[int, Any]) -> dict[str, Term]:
-        """The term of every coefficient at angles and rates by name; `loads` are torques through joints (N m)."""
+        """The term of every coefficient at angles and rates by name, slide1 and slide2 too where friction has such states.
+
+        `loads` are torques through joints (N m).
+        """
         x = Motion(s["theta1"] + _OFFSETS[self.angles], s["theta2"], s["omega1"], s["omega2"])
         terms = rigid_terms(x, self.l1, self.g)
         if self.gear_ratio is not None:
             terms["Ir"] = rotor_term(self.gear_ratio, self.motors)
         for joint, friction in self.friction.items():
-            columns = friction.columns(x.omega1 if joint == 1 else x.omega2, loads.get(joint))
+            columns = friction.columns(x.omega1 if joint == 1 else x.omega2, loads.get(joint), s.get(f"slide{joint}"))
             for d, column in zip(friction.declared(joint), columns, strict=True):
                 terms[d.name] = Term(h1=column) if joint == 1 else Term(h2=column)
         return terms

@@ -8,6 +8,7 @@ from plantfit.recording.derivative import differentiate
 from plantfit.recording.description import ColumnSummary, Description, describe
 from plantfit.recording.filters import lowpass
 from plantfit.recording.gaps import fill_gaps
+from plantfit.recording.motion import smooth_motion
 from plantfit.recording.outliers import drop_outliers
 from plantfit.recording.parts import cut, shift_time, split
 from plantfit.recording.presliding import presliding
@@ -47,6 +48,7 @@ __all__ = [
     "resample",
     "scale",
     "shift_time",
+    "smooth_motion",
     "split",
     "subtract",
     "to_csv",
