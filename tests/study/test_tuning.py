@@ -347,3 +347,19 @@ REFUSED = [
 def test_refusals_are_one_sentence(given, said):
     with pytest.raises(SearchError, match=said):
         tune(STEEP, **{"method": "pso", **given})
+
+
+def test_a_word_may_make_a_shape_of_a_number():
+    """cga reads `children` in steady state alone, where it is the size of a generation: it is not data under any word."""
+    dials = dials_of("cga", FACTS, only=["children", "replacement", "alpha"])
+    assert "children" not in dials.traced
+    assert "alpha" in dials.traced
+
+
+def test_held_settings_keep_their_value_in_every_trial():
+    found = tune(bowl(2), "pso", "random", only=["inertia"], held={"population": 7}, budget=140, runs=3, trials=6, seed=2)
+    assert found.default["population"] == found.best["population"] == 7
+    assert {t.settings["population"] for t in found.trials} == {7}
+    assert [d["name"] for d in found.dials] == ["inertia"]
+    with pytest.raises(SearchError, match="held and also to be tuned"):
+        dials_of("pso", FACTS, only=["inertia"], held={"inertia": 0.5})

@@ -235,13 +235,14 @@ def tune_search(
     ranges: Annotated[
         list[str] | None, typer.Option("--range", help="Narrow a setting: inertia=0.4:0.9, or topology=global,ring (repeat).")
     ] = None,
+    hold: Annotated[list[str] | None, typer.Option("--hold", help="A setting that is not tuned: population=50 (repeat).")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Also write the settings block to this TOML file.")] = None,
     json: Json = False,
 ) -> None:
     """Tune the settings of a search method on your own problem, and say whether that paid. Ctrl-C keeps the best so far."""
     from plantfit.cli import tune
 
-    tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], out, json)
+    tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], hold or [], out, json)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from plantfit.errors import Interrupted, SearchError
 
 def tune_search(
     spec: str, method: str, outer: str, budget: int | None, runs: int, trials: int, seed: int,
-    only: str | None, ranges: Sequence[str], place: str | None, json: bool,
+    only: str | None, ranges: Sequence[str], hold: Sequence[str], place: str | None, json: bool,
 ) -> None:  # fmt: skip
     """Tune the settings of a method on the problem of a study file."""
     from plantfit import spec as specs
@@ -18,13 +18,13 @@ def tune_search(
     from plantfit.study import objective_of
     from plantfit.study.tuning.tuner import tune
 
-    narrowed = _ranges(ranges)
+    narrowed, held = _ranges(ranges), _held(hold)
     names = None if only is None else [n.strip() for n in only.split(",") if n.strip()]
     study = specs.load(spec)
     objective = objective_of(prepare(study.problem))
     with progress_line(json) as tell, stoppable() as stop:
         found = tune(
-            objective, method, outer, only=names, ranges=narrowed, budget=study.plan.budget if budget is None else budget,
+            objective, method, outer, only=names, ranges=narrowed, held=held, budget=study.plan.budget if budget is None else budget,
             runs=runs, trials=trials, seed=seed, progress=tell, stop=stop,
         )  # fmt: skip
     if place is not None and found.trials:
@@ -44,6 +44,26 @@ def _ranges(written: Sequence[str]) -> dict[str, Sequence[Any]]:
             raise SearchError(f"--range {text!r} cannot be read; write inertia=0.4:0.9, or topology=global,ring for words.")
         found[name.strip()] = parts
     return found
+
+
+def _held(written: Sequence[str]) -> dict[str, Any]:
+    """name=value as a mapping; a value is a whole number, a number or a word."""
+    found: dict[str, Any] = {}
+    for text in written:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value:
+            raise SearchError(f"--hold {text!r} cannot be read; write population=50, or topology=ring for a word.")
+        found[name] = _value(value)
+    return found
+
+
+def _value(text: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def _say(found: Any, place: str | None, json: bool) -> None:

@@ -78,7 +78,7 @@ class Dial:
 
 @dataclasses.dataclass(frozen=True)
 class Dials:
-    """Settings of the method `method` that are searched; the others keep their defaults.
+    """Settings of the method `method` that are searched; those `held` keep these values, the others their defaults.
 
     `traced` and `options` are the numbers and the words whose values need no compilation of their own.
     """
@@ -87,10 +87,11 @@ class Dials:
     dials: tuple[Dial, ...]
     traced: tuple[str, ...] = ()
     options: Options = ()
+    held: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def settings(self, z: Sequence[float] | np.ndarray) -> dict[str, Any]:
         """Settings at a cube point (d,)."""
-        return {d.name: d.value(float(place)) for d, place in zip(self.dials, z, strict=True)}
+        return {**self.held, **{d.name: d.value(float(place)) for d, place in zip(self.dials, z, strict=True)}}
 
     def places(self, settings: Mapping[str, Any]) -> np.ndarray:
         """The cube point (d,) of settings."""
@@ -98,22 +99,33 @@ class Dials:
 
     @property
     def defaults(self) -> dict[str, Any]:
-        return {d.name: d.default for d in self.dials}
+        return {**self.held, **{d.name: d.default for d in self.dials}}
 
 
-def dials_of(method: str, facts: Facts, only: Iterable[str] | None = None, ranges: Mapping[str, Sequence[Any]] | None = None) -> Dials:
+def dials_of(
+    method: str,
+    facts: Facts,
+    only: Iterable[str] | None = None,
+    ranges: Mapping[str, Sequence[Any]] | None = None,
+    held: Mapping[str, Any] | None = None,
+) -> Dials:
     """The settings of a registered method that can be searched for runs with these facts.
 
     `only` names them (by default all that have a range or options), `ranges` narrows them: (low, high) for numbers,
-    the words allowed for words. Raises SearchError for names and ranges that do not exist.
+    the words allowed for words. `held` are settings that keep a value of the user's.
+    Raises SearchError for names and ranges that do not exist.
     """
-    template = make(method)
+    held = dict(held or {})
+    template = make(method, **held)
     fields = {f.name: f for f in dataclasses.fields(REGISTRY[method].kind) if "range" in f.metadata or "options" in f.metadata}
     ranges = dict(ranges or {})
-    chosen = list(fields) if only is None else list(dict.fromkeys(only))
+    chosen = [n for n in fields if n not in held] if only is None else list(dict.fromkeys(only))
     for name in [*chosen, *ranges]:
         if name not in fields:
             raise SearchError(f"Method {method!r} has no setting {name!r} to tune; it has {list(fields)}.{close_match(name, fields)}")
+    for name in held:
+        if name in chosen:
+            raise SearchError(f"Setting {name!r} of method {method!r} is held and also to be tuned; choose one.")
     for name in ranges:
         if name not in chosen:
             raise SearchError(f"There is a range for setting {name!r}, which is not among those to tune; name it there too.")
@@ -123,6 +135,8 @@ def dials_of(method: str, facts: Facts, only: Iterable[str] | None = None, range
     numeric = [n for n in chosen if "range" in fields[n].metadata and fields[n].default is not None]
     words = {n: _words(_where(method, n), fields[n].metadata["options"], ranges.get(n)) for n in chosen if "options" in fields[n].metadata}
     traced, options = traceable(template, numeric, tuple(words.items()), facts) if population else ((), ())  # type: ignore[arg-type]
+    for name in [n for n in words if n not in dict(options)]:  # every value compiles anew, and may make a shape of another number
+        traced = tuple(n for n in traced if all(n in _traced_at(template, {name: w}, traced, options, facts) for w in words[name]))
     found = []
     for name in chosen:
         if name in words:
@@ -130,7 +144,16 @@ def dials_of(method: str, facts: Facts, only: Iterable[str] | None = None, range
             continue
         smooth = name in traced or (not population and not fields[name].metadata.get("integer", True))
         found.append(_dial(method, template, fields[name], ranges.get(name), smooth and fields[name].default is not None, facts))
-    return Dials(method, tuple(found), traced, options)
+    return Dials(method, tuple(found), traced, options, held)
+
+
+def _traced_at(template: Any, change: Mapping[str, Any], names: Sequence[str], options: Options, facts: Facts) -> Sequence[str]:
+    """Those of the names that can be data when other settings have changed; all where these contradict the template."""
+    try:
+        changed = dataclasses.replace(template, **change)
+    except SearchError:
+        return names
+    return traceable(changed, names, options, facts)[0]
 
 
 def _where(method: str, name: str) -> str:

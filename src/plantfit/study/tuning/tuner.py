@@ -59,6 +59,7 @@ def tune(
     *,
     only: Iterable[str] | None = None,
     ranges: Mapping[str, Sequence[Any]] | None = None,
+    held: Mapping[str, Any] | None = None,
     budget: int = 5000,
     runs: int = 20,
     trials: int = 60,
@@ -69,7 +70,7 @@ def tune(
 ) -> Tuned:
     """Search the settings of a registered method with another one outside.
 
-    The outer method walks a unit cube of settings (`only` and `ranges` as in `dials_of`) and asks for `trials`
+    The outer method walks a unit cube of settings (`only`, `ranges` and `held` as in `dials_of`) and asks for `trials`
     settings, the default among them. Each is raced against the best so far over runs 0 to `runs` - 1 of the seed,
     with `budget` evaluations a run. The cost of settings is the median over their runs of the final cost; costs
     equal to a millionth are ranked by the evaluations until they were reached. Settings that leave a race early
@@ -80,8 +81,8 @@ def tune(
     for what, value, low in (("budget", budget, 1), ("runs", runs, 2), ("trials", trials, 2), ("seed", seed, 0)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value < 2**30:
             raise SearchError(f"{what} is {value!r}; give a whole number of at least {low} and below {2**30}.")
-    check_needs(method, make(method), objective)
-    dials = dials_of(method, Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start), only, ranges)
+    check_needs(method, make(method, **dict(held or {})), objective)
+    dials = dials_of(method, Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start), only, ranges, held)
     tuner = _Tuner(objective, dials, outer, budget, runs, trials, seed, progress, stop)
     return tuner.run(dict(outer_settings or {}))
 
@@ -266,7 +267,7 @@ class _Tuner:
         return tuple(settings[d.name] for d in self.dials.dials)
 
     def _settings(self, key: Key) -> dict[str, Any]:
-        return {d.name: value for d, value in zip(self.dials.dials, key, strict=True)}
+        return {**self.dials.held, **{d.name: value for d, value in zip(self.dials.dials, key, strict=True)}}
 
     def _trials(self) -> list[Trial]:
         """What was tried, the default first; settings that were stopped before their first run are left out."""
