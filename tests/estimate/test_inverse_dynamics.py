@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from plantfit.errors import RecordingError, SimulationError
-from plantfit.estimate import InverseDynamics, ParallelFilter
+from plantfit.estimate import InverseDynamics
 from plantfit.models.pendubot import motor_torque, pendubot_regression
 from plantfit.rig import PendubotRig
 
@@ -51,21 +51,9 @@ def test_plain_least_squares_depends_on_how_one_differentiates():
     off = {}
     for smoothing in (10.0, 50.0):
         bench = inverse(smoothing=smoothing)
-        x, y = bench.rows(record), bench.target(record)
+        x, y = bench.rows(record)
         off[smoothing] = np.linalg.lstsq(x.reshape(-1, 4), y.ravel())[0] / TRUTH - 1
     assert min(abs(off[10.0][1]), abs(off[50.0][1])) > 0.3
-
-
-def test_the_parallel_filter_leaves_the_parameters_as_they_are():
-    rng = np.random.default_rng(0)
-    x, values = rng.normal(size=(3000, 2, 3)), np.array([1.0, -2.0, 0.5])
-    keep = ParallelFilter(1e-3, 20.0)
-    np.testing.assert_allclose(keep(x) @ values, keep(x @ values), atol=1e-12)
-    assert keep.decimation == 20
-    t = np.arange(3000) * 1e-3
-    slow, fast = keep(np.sin(2 * np.pi * 2.0 * t)), keep(np.sin(2 * np.pi * 80.0 * t))
-    np.testing.assert_allclose(slow, np.sin(2 * np.pi * 2.0 * t)[50:-50:20], atol=2e-3)
-    assert np.max(np.abs(fast)) < 5e-3
 
 
 def test_what_is_missing_is_told_in_a_sentence():

@@ -2,16 +2,18 @@
 
 from plantfit.estimate.comparison import Comparison, compare_estimates
 from plantfit.estimate.estimate import Estimate
+from plantfit.estimate.forward import estimate_at, free_start, windows
 from plantfit.estimate.instrumental import instrumental_variables
 from plantfit.estimate.inverse_dynamics import InverseDynamics, InverseFit
-from plantfit.estimate.parallel_filter import ParallelFilter
 
 __all__ = [
     "Comparison",
     "Estimate",
     "InverseDynamics",
     "InverseFit",
-    "ParallelFilter",
     "compare_estimates",
+    "estimate_at",
+    "free_start",
     "instrumental_variables",
+    "windows",
 ]

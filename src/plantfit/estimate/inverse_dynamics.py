@@ -10,12 +10,14 @@ from plantfit.errors import RecordingError, SimulationError
 from plantfit.estimate.comparison import Comparison, compare_estimates
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.instrumental import instrumental_variables
-from plantfit.estimate.parallel_filter import ParallelFilter
 from plantfit.models.regression import LinearModel
+from plantfit.problem.filter_alike import filter_alike
 from plantfit.recording.derivative import differentiate
 from plantfit.recording.filters import lowpass
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.sampling import uniform_period, with_signal
+
+SAMPLES = 2.5  # kept per period of the band's upper end: the filter leaves little above it
 
 
 @dataclass(frozen=True)
@@ -59,18 +61,24 @@ class InverseDynamics:
             recording = differentiate(recording, rate, acceleration, "central")
         return recording
 
-    def rows(self, recording: Recording) -> np.ndarray:
-        """Columns (N, m, k) of all m outputs, filtered in parallel."""
+    def rows(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (N, m, k) and torques (N, m) of all m outputs, filtered in parallel and thinned."""
         signals = self.motion(recording)
-        return self._filter(recording)(np.stack(list(self.model.blocks({n: signals[n] for n in self.model.signals}).values()), axis=1))
-
-    def target(self, recording: Recording) -> np.ndarray:
-        """Torques (N, m), filtered in parallel."""
-        given = self.torques(self.motion(recording))
+        given = self.torques(signals)
         missing = [o for o in self.model.outputs if o not in given]
         if missing:
             raise RecordingError(f"torques gives {list(given)}; it needs {missing[0]!r} too, 0 where no torque acts.")
-        return self._filter(recording)(np.stack([np.broadcast_to(given[o], recording.t.shape) for o in self.model.outputs], axis=1))
+        for output, unit in self.model.outputs.items():
+            torque = np.broadcast_to(given[output], signals.t.shape)
+            signals = with_signal(signals, output, torque, unit, f"{output!r} is computed from the other signals.")
+        period = uniform_period(recording, "inverse dynamics")
+        if not 0 < self.band < 0.4 / period:
+            raise RecordingError(f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz.")
+        every = max(1, int(1.0 / (SAMPLES * self.band * period)))
+        _, made = filter_alike(self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band)
+        thin = made[recording.name]
+        columns = [np.stack([thin[f"{o}: {n}"] for n in self.model.coefficients], axis=-1) for o in self.model.outputs]
+        return np.stack(columns, axis=1), np.stack([thin[o] for o in self.model.outputs], axis=-1)
 
     def fit(
         self,
@@ -88,15 +96,12 @@ class InverseDynamics:
         """
         if simulate is None and reference is None:
             raise RecordingError("Nothing to make instruments of; give simulate, the noise-free closed loop, or the reference motion.")
-        x, y, names = self.rows(recording), self.target(recording), tuple(self.model.coefficients)
+        (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)
-        first = x if reference is None else self.rows(self._followed(recording, reference))
-        again = None if simulate is None else lambda values: self.rows(_simulated(simulate, values))
+        first = x if reference is None else self.rows(self._followed(recording, reference))[0]
+        again = None if simulate is None else lambda values: self.rows(_simulated(simulate, values))[0]
         estimate = instrumental_variables(x, y, first if again is None else again, names, start=first, iterations=iterations)
         return InverseFit(estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables")))
-
-    def _filter(self, recording: Recording) -> ParallelFilter:
-        return ParallelFilter(uniform_period(recording, "inverse dynamics"), self.band)
 
     def _followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
         missing = [angle for angle in self.joints if angle not in reference]

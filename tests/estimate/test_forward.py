@@ -1,0 +1,83 @@
+"""Windows with starts of their own against a plain nonlinear least-squares fit by scipy; the pendubot both ways."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from test_inverse_dynamics import REFERENCE, RIG, TRUTH, inverse
+
+import plantfit as pf
+from plantfit.errors import ModelError, RecordingError
+from plantfit.estimate import compare_estimates, estimate_at, free_start, windows
+from plantfit.fitting import gauss_newton
+from plantfit.models.pendubot import pendubot
+from plantfit.problem.shooting import Shooting
+
+DECAY = pf.equations(
+    "x' = -a*x + u",
+    inputs=["u"],
+    states={"x": {"initial": 2.0}},
+    outputs=["x"],
+    parameters={"a": {"bounds": (0.1, 5.0)}},
+    name="decay",
+)
+
+
+def decay_record(n=241, a=0.8):
+    t = np.linspace(0.0, 6.0, n)
+    y = 3.0 * np.exp(-a * t) + 0.02 * np.random.default_rng(0).normal(size=n)
+    return pf.from_arrays(t, signals={"u": np.zeros(n), "x": y})
+
+
+def test_windows_part_the_samples():
+    record = decay_record()
+    parts = windows(record, 2.0)
+    assert list(parts) == ["w0", "w1", "w2"]
+    assert [len(p) for p in parts.values()] == [80, 80, 80]
+    assert np.array_equal(np.concatenate([p["x"] for p in parts.values()]), record["x"][:240])
+    with pytest.raises(RecordingError, match="give a shorter one"):
+        windows(record, 7.0)
+
+
+def test_values_and_errors_with_free_starts_are_those_of_scipy():
+    record = decay_record()
+    model = free_start(DECAY, {"x": 1.0})
+    problem = pf.Problem(model, windows(record, 2.0), {"x_start": pf.Parameter((-5.0, 5.0), per_recording=True)}, stepper="rk4", substeps=4)
+    estimate = estimate_at(problem, gauss_newton(problem, np.full(4, 0.4)), ["a"])
+
+    parts = [(p.t - p.t[0], p["x"]) for p in windows(record, 2.0).values()]
+
+    def residuals(v):
+        return np.concatenate([x0 * np.exp(-v[0] * t) - y for x0, (t, y) in zip(v[1:], parts, strict=True)])
+
+    other = least_squares(residuals, np.ones(4))
+    covariance = np.linalg.inv(other.jac.T @ other.jac) * 2 * other.cost / (240 - 4)
+    assert estimate.values[0] == pytest.approx(other.x[0], rel=1e-5)
+    assert estimate.standard_error[0] == pytest.approx(np.sqrt(covariance[0, 0]), rel=0.15)
+
+
+def test_only_states_can_start_freely():
+    with pytest.raises(ModelError, match="no state 'z'"):
+        free_start(DECAY, {"z": 1.0})
+
+
+@pytest.mark.slow
+def test_the_pendubot_has_the_same_parameters_forwards_and_backwards():
+    record = RIG.record(seed=1).recording
+    spread = {"theta1": 0.01, "theta2": 0.01, "omega1": 3.0, "omega2": 3.0}
+    problem = pf.Problem(
+        free_start(pendubot("base", drive="voltage"), spread),
+        windows(record, 1.0),
+        {f"{n}_start": pf.Parameter((-s, s), per_recording=True) for n, s in spread.items()},
+        stepper="rk4",
+        substeps=1,
+        scales={"theta1": 1.8e-4, "theta2": 1.8e-4},
+    )
+    start = np.full(problem.space.dimension, 0.5)
+    start[:4] = np.random.default_rng(0).random(4)
+    shot = Shooting.of(problem, length=0.1).solve(start)
+    assert shot.closed
+    forward = estimate_at(problem, gauss_newton(problem, shot.z), ["b1", "b2", "b4", "b5"])
+    backward = inverse().fit(record, RIG.noise_free, REFERENCE).estimate
+    assert np.all(np.abs(forward.values - TRUTH) < 4 * forward.standard_error)
+    assert np.all(forward.standard_error < [2e-3, 0.03, 5e-5, 0.03] * TRUTH)
+    assert compare_estimates(backward, forward).p_value > 1e-3
