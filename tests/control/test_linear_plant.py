@@ -52,7 +52,7 @@ def tank():
 
 
 def test_an_output_that_reads_the_input():
-    lead = equations("z' = u - a*z", inputs=["u"], states=["z"], outputs={"y": "2*u - a*z"}, parameters={"a": None}, name="lead")
+    lead = equations("z' = u - a*z\ny = 2*u - a*z", inputs=["u"], states=["z"], outputs=["y"], parameters={"a": None}, name="lead")
     plant = linearised(lead, {"a": 3.0}, {"z": 1.0}, {"u": 3.0})
     np.testing.assert_allclose([plant.A[0, 0], plant.B[0, 0], plant.C[0, 0], plant.D[0, 0], plant.y0[0]], [-3.0, 1.0, -3.0, 2.0, 3.0])
 

@@ -89,12 +89,13 @@ def largest_initial_angle(
 
 def _outward(caught: Callable[[np.ndarray], np.ndarray], largest: float, resolution: float) -> Caught:
     """Both brackets between a start that is caught and the next that is not, narrowed in one batch a round."""
-    inner, outer, beyond = np.zeros(2), np.full(2, largest), np.zeros(2, dtype=bool)
+    inner, outer = np.zeros(2), np.full(2, largest)
+    beyond: np.ndarray = np.zeros(2, dtype=bool)
     signs, first = np.array([[-1.0], [1.0]]), True
     while first or np.any((outer - inner > resolution) & ~beyond):
         far = inner[:, None] + (outer - inner)[:, None] * np.arange(1, BATCH + 1) / BATCH
         good = caught(signs * far)
-        beyond, first = (good.all(axis=1) if first else beyond), False
+        beyond, first = (np.all(good, axis=1) if first else beyond), False
         for k, row in enumerate(good):
             reached = BATCH if row.all() else int(np.argmin(row))
             ends = np.r_[inner[k], far[k], outer[k]]

@@ -53,16 +53,13 @@ def linearised(
     """
     vector = _smooth(model)
     p, x, u = _numbers(vector, parameters), by_name("x0", vector.states, x0 or {}), by_name("u0", tuple(model.inputs), u0 or {})
-    rates = np.asarray(_rates(vector, p)(x, u))
+    rates, y, (a, b), (c, d) = jax.tree.map(np.asarray, _local(vector, p)(x, u))
     worst = int(np.argmax(np.abs(rates)))
     if not np.all(np.abs(rates) <= tolerance):
         raise SimulationError(
             f"Plant {model.name!r} does not rest at x0, u0: the rate of {vector.states[worst]!r} is {rates[worst]:g} "
             f"{model.states[vector.states[worst]] or ''}/s, beyond {tolerance:g}; give an equilibrium, such as equilibrium() finds."
         )
-    outputs = _outputs(vector, p)
-    a, b = map(np.asarray, jax.jacfwd(_rates(vector, p), argnums=(0, 1))(x, u))
-    c, d = map(np.asarray, jax.jacfwd(outputs, argnums=(0, 1))(x, u))
     return LinearPlant(
         a,
         b,
@@ -73,7 +70,7 @@ def linearised(
         vector.outputs,
         np.asarray(x),
         np.asarray(u),
-        np.asarray(outputs(x, u)),
+        y,
         {**model.states, **model.inputs, **model.outputs},
     )
 
@@ -95,7 +92,7 @@ def equilibrium(
     for name in fixed:
         if name not in names:
             raise SimulationError(f"Plant {model.name!r} has no state or input {name!r} to keep fixed; it has {list(names)}.")
-    rates = jax.jit(_rates(vector, _numbers(vector, parameters)))
+    local = _local(vector, _numbers(vector, parameters))
     start = np.concatenate([by_name("x0", vector.states, x0), by_name("u0", tuple(model.inputs), u0 or {})])
     free, n = np.array([name not in fixed for name in names]), len(vector.states)
 
@@ -104,14 +101,12 @@ def equilibrium(
         full[free] = z
         return full[:n], full[n:]
 
-    slopes = jax.jit(jax.jacfwd(rates, argnums=(0, 1)))
-
     def jacobian(z):
-        return np.concatenate([np.asarray(j) for j in slopes(*both(z))], axis=1)[:, free]
+        return np.concatenate(local(*both(z))[2], axis=1)[:, free]
 
     if np.any(free):
         found = least_squares(
-            lambda z: np.asarray(rates(*both(z))),
+            lambda z: np.asarray(local(*both(z))[0]),
             start[free],
             jac=jacobian,  # pyright: ignore[reportArgumentType]  (scipy's stub knows the names only)
             xtol=1e-15,
@@ -119,7 +114,7 @@ def equilibrium(
             gtol=1e-15,
         )
         start[free] = found.x
-    left = np.asarray(rates(start[:n], start[n:]))
+    left = np.asarray(local(start[:n], start[n:])[0])
     worst = int(np.argmax(np.abs(left)))
     if not np.all(np.abs(left) <= 1e-8):
         raise SimulationError(
@@ -165,9 +160,13 @@ def _numbers(vector: VectorModel, parameters: Mapping[str, Any]) -> tuple[Any, .
     return tuple(jnp.asarray(parameters[name], dtype=float) for name in vector.parameters)
 
 
-def _rates(vector: VectorModel, p):
-    return lambda x, u: jnp.stack(vector.rate(tuple(x), (*u, 0.0), p))
+def _local(vector: VectorModel, p):
+    """`(x, u) -> rates, outputs, their slopes (A, B) and (C, D)`, one compiled function."""
 
+    def rates(x, u):
+        return jnp.stack(vector.rate(tuple(x), (*u, 0.0), p))
 
-def _outputs(vector: VectorModel, p):
-    return lambda x, u: jnp.stack(vector.output(tuple(x), (*u, 0.0), p))
+    def outputs(x, u):
+        return jnp.stack(vector.output(tuple(x), (*u, 0.0), p))
+
+    return jax.jit(lambda x, u: (rates(x, u), outputs(x, u), jax.jacfwd(rates, (0, 1))(x, u), jax.jacfwd(outputs, (0, 1))(x, u)))

@@ -5,14 +5,17 @@ from plantfit.report.figures.fit import fit_figure
 from plantfit.report.figures.operating_points import table_figure
 from plantfit.report.figures.parameters import interval_figure, weight_figure
 from plantfit.report.figures.residuals import stem_figure
+from plantfit.report.figures.strobe import Panel, strobe_figure
 from plantfit.report.figures.style import Figure
 
 __all__ = [
     "Figure",
+    "Panel",
     "convergence_figure",
     "fit_figure",
     "interval_figure",
     "stem_figure",
+    "strobe_figure",
     "table_figure",
     "waterfall_figure",
     "weight_figure",
