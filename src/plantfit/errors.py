@@ -11,6 +11,7 @@
       SimulationError     a model that cannot be simulated at these values
       StoreError          the study database: missing, locked, full, damaged
       MissingExtra        an optional package is not installed
+      BoardError          a board or its port that cannot be used
       Interrupted         stopped by the user; what was finished is kept
 
 Messages are one sentence that names file, place and value, then what to do.
@@ -92,6 +93,12 @@ class MissingExtra(PlantfitError):
     """An optional package is not installed."""
 
     exit_code = 11
+
+
+class BoardError(PlantfitError):
+    """A board or its port cannot be used."""
+
+    exit_code = 13
 
 
 class Interrupted(PlantfitError):
