@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -126,7 +126,7 @@ class PendubotRig:
         """Feedforward (N,) in V, and the feedback along the reference."""
         p, states = self.parameters, self.reference.states
         feedforward = p["Ra"] / p["kt"] * self.reference.torque + p["ke"] * states[:, 2]
-        frictionless = vectorise(pendubot("base", drive="voltage", l1=self.l1, g=self.g))
+        frictionless = voltage_plant("base", (), self.l1, self.g)
         numbers = tuple({**p, **self.base}[n] for n in frictionless.parameters)
         slopes = jax.jit(jax.jacfwd(lambda x: jnp.stack(frictionless.rate(tuple(x[:4]), (x[4], 0.0), numbers))))
 
@@ -144,13 +144,7 @@ class PendubotRig:
     # -- simulation -------------------------------------------------------------------------------
 
     def _plant(self, parameters: Any) -> VectorModel:
-        if parameters not in self._plants:
-            self._plants[parameters] = vectorise(pendubot(parameters, drive="voltage", friction=self.friction, l1=self.l1, g=self.g))
-        return self._plants[parameters]
-
-    @cached_property
-    def _plants(self) -> dict[str, VectorModel]:
-        return {}
+        return voltage_plant(parameters, tuple(self.friction), self.l1, self.g)
 
     def _vector(self, plant: VectorModel, values: Mapping[str, float]) -> tuple[float, ...]:
         missing = [n for n in plant.parameters if n not in values]
@@ -168,7 +162,9 @@ class PendubotRig:
         rows = (self.reference.states, feedforward, *lqg)
         start = tuple(self.reference.states[0] + np.array([*offset, 0.0, 0.0]))
         loop = (self.period, self.substeps, self.limit)
-        *states, voltage, seen1, seen2 = map(np.asarray, _run(plant, loop, self._vector(plant, values), start, rows, quantum, tuple(phase)))
+        *states, voltage, seen1, seen2 = map(
+            np.asarray, run_closed_loop(plant, loop, self._vector(plant, values), start, rows, quantum, tuple(phase))
+        )
         fallen = ~(np.abs(states[0] + states[1] - np.pi / 2) < np.pi / 2)
         if np.any(fallen):
             raise SimulationError(
@@ -183,9 +179,15 @@ class PendubotRig:
         return Recording(self.t, named | self._references, "pendubot", ("Virtual pendubot: exact signals.",))
 
 
+@lru_cache(maxsize=16)
+def voltage_plant(parameters: Any, friction: tuple[str, ...], l1: float, g: float) -> VectorModel:
+    """`pendubot` driven by a voltage; the same value for the same options, so that rigs share what is compiled."""
+    return vectorise(pendubot(parameters, drive="voltage", friction=friction, l1=l1, g=g))
+
+
 @partial(jax.jit, static_argnums=(0, 1))
-def _run(plant: VectorModel, loop: tuple[float, int, float], p: Any, start: Any, rows: Any, quantum: Any, phase: Any) -> Any:
-    """States, voltage and readings at every sample, each (N,)."""
+def run_closed_loop(plant: VectorModel, loop: tuple[float, int, float], p: Any, start: Any, rows: Any, quantum: Any, phase: Any) -> Any:
+    """States, voltage and readings at every sample, each (N,); `rows` are reference, feedforward and the arrays of an `Lqg`."""
     period, substeps, limit = loop
 
     def read(angle, shift):

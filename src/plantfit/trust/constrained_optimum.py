@@ -83,14 +83,15 @@ def constrained_optimum(
         raise ModelError(
             f"No point of the box satisfies {some(list(task.constraints), most=8)}: none of {starts} starts reached one; widen the bounds."
         )
-    # once more with the cost that was reached as the unit, so that rounding is judged against it
-    unit = max(min(task.cost(e.z) for e in ends) / task.unit, 1e-13)
+    # once more with what is left above plain least squares as the unit, so that rounding is judged against it
+    reached = min(task.cost(e.z) for e in ends)
+    unit = max((reached - float(compressed.rest) / float(compressed.n)) / task.unit, 1e-9 * reached / task.unit, 1e-13)
     refined = sorted((solver.solve(e.z, unit) for e in ends), key=lambda s: s.value)
     kept = [s for s in refined if s.violation <= POSSIBLE] or refined
     costs = [task.cost(s.z) for s in kept]
     same = costs[0] * (1 + SAME) + 1e-26 * task.unit  # of exact data only rounding is left
     agreeing = [s for s, c in zip(kept, costs, strict=True) if c <= same]
-    return _told(task, min(agreeing, key=lambda s: s.residual), starts, len(agreeing))
+    return _told(task, min(agreeing, key=lambda s: s.residual), unit, starts, len(agreeing))
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ class RegressionTask:
         return np.maximum(levels.max(axis=0), 1e-300) if levels.size else np.ones(len(self.constraints))
 
 
-def _told(task: RegressionTask, best: Stationary, starts: int, agreeing: int) -> Optimum:
+def _told(task: RegressionTask, best: Stationary, unit: float, starts: int, agreeing: int) -> Optimum:
     c = task.compressed
     pressed = np.flatnonzero(best.multipliers > 1e-9 * max(1.0, float(np.max(best.multipliers))))
     free, *_ = np.linalg.lstsq(np.asarray(c.R), np.asarray(c.projected))
@@ -153,9 +154,10 @@ def _told(task: RegressionTask, best: Stationary, starts: int, agreeing: int) ->
     inside = cost <= free_cost * (1 + SAME)
     words = [*(f"{n} at its lower bound" for n in task.names), *(f"{n} at its upper bound" for n in task.names), *task.constraints]
     point = task.point(best.z)
+    kkt = best.residual * unit * task.unit / max(cost, 1e-300)
     return Optimum(
         {n: float(v) for n, v in zip(task.names, point, strict=True)}, np.asarray(task.coefficients(jnp.asarray(best.z))),
-        cost, free_cost, () if inside else tuple(words[i] for i in pressed), best.residual, starts, agreeing,
+        cost, free_cost, () if inside else tuple(words[i] for i in pressed), kkt, starts, agreeing,
     )  # fmt: skip
 
 

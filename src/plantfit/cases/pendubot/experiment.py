@@ -1,6 +1,5 @@
-"""Pendubot experiments as designs: moves between upright poses, simulated in closed loop, with the information that they give."""
+"""Pendubot experiments as designs: moves between upright poses, run in the rig's closed loop, with the information that they give."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -9,10 +8,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.double_pendulum import Motion, accelerations, rigid_terms, torque_columns
-from plantfit.models.pendubot import motor_torque
-from plantfit.rig.lqg import Weights, scheduled_lqg
+from plantfit.models.double_pendulum import Motion, rigid_terms, torque_columns
+from plantfit.rig import PendubotRig
+from plantfit.rig.lqg import Lqg, scheduled_lqg
+from plantfit.rig.pendubot import run_closed_loop, voltage_plant
 from plantfit.rig.trajectories import Move
+from plantfit.simulate.vector import VectorModel
 
 import jax
 import jax.numpy as jnp
@@ -20,13 +21,14 @@ import jax.numpy as jnp
 NAMES = ("b1", "b2", "b4", "b5")
 SMOOTHNESS = 7  # zero derivatives at both ends of a move, as in rig.pendubot_reference
 UPRIGHT = np.pi / 2
+NODES = 25  # designs of the controller over theta1
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the bench allows: voltage (V), theta1 from .. to (rad), lean of link 2 from the vertical (rad), rate of joint 1 (rad/s)."""
+    """What the bench allows: theta1 from .. to (rad), lean of link 2 from the vertical (rad), rate of joint 1 (rad/s); the
+    voltage is the rig's."""
 
-    voltage: float = 24.0
     theta1: tuple[float, float] = (np.pi / 6, 5 * np.pi / 6)
     lean: float = 0.5
     rate: float = 10.0
@@ -34,30 +36,22 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class UprightMoves:
-    """`moves` of theta1 between poses with link 2 upright in `duration` (s), rest to rest, with joint 2 free.
+    """`moves` of theta1 between poses with link 2 upright in the time of `rig`, rest to rest, with joint 2 free.
 
-    A design holds the `moves` poses (rad), the times that the moves take (s), and `moves` + 1 weights that share out the time of
-    rest. The plant with coefficients `base` (b1, b2, b4, b5) follows the flat-output reference of `rig.pendubot_reference` by
-    scheduled state feedback, with samples of `period` (s). `torque_noise` (N m) at `rate_hz` samples a second scales the information.
+    A design holds the poses (rad), the times that the moves take (s, at least `fastest`), and `moves` + 1 weights that share
+    out the time of rest. The motion is that of the rig's closed loop with perfect sensors at the rig's parameters; the
+    information is about b1, b2, b4, b5 from the torque of joint 1 with the white noise of the recorded voltage.
     """
 
-    base: Mapping[str, float]
-    motor: Mapping[str, float]
-    moves: int = 4
-    duration: float = 25.0
+    rig: PendubotRig
+    moves: int = 6
     limits: Limits = field(default_factory=Limits)
-    weights: Weights = Weights((0.05, 0.05, 0.0, 0.0), 4.0, 1.0, 2e-4)  # noqa: RUF009  (immutable)
-    period: float = 5e-3
     fastest: float = 0.5
-    torque_noise: float = 1.2e-4
-    rate_hz: float = 1000.0
-    l1: float = 0.15
-    g: float = 9.81
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (3 moves + 1,) of a design; the longest moves leave a tenth of the time for rest."""
-        k, longest = self.moves, 0.9 * self.duration / self.moves
+        k, longest = self.moves, 0.9 * self.rig.duration / self.moves
         low, high = self.limits.theta1
         return np.r_[[low] * k, [self.fastest] * k, [0.02] * (k + 1)], np.r_[[high] * k, [longest] * k, [1.0] * (k + 1)]
 
@@ -69,97 +63,95 @@ class UprightMoves:
     def design(self, poses: tuple[Move, ...]) -> np.ndarray:
         """The design of given moves, as many as `moves`."""
         ends = [0.0, *(m.end for m in poses)]
-        rests = np.array([start - end for start, end in zip([*(m.start for m in poses), self.duration], ends, strict=True)])
+        rests = np.array([start - end for start, end in zip([*(m.start for m in poses), self.rig.duration], ends, strict=True)])
         return np.r_[[m.to for m in poses], [m.duration for m in poses], rests / rests.max()]
 
     def _times(self, design: Any) -> tuple[Any, Any, Any]:
         k = self.moves
         to, lasts, shares = design[:k], design[k : 2 * k], design[2 * k :]
-        rests = shares / jnp.sum(shares) * (self.duration - jnp.sum(lasts))
+        rests = shares / jnp.sum(shares) * (self.rig.duration - jnp.sum(lasts))
         return jnp.cumsum(rests[:k]) + jnp.cumsum(lasts) - lasts, lasts, to
 
-    # -- reference and controller -------------------------------------------------------------------
-
     def reference(self, design: Any) -> tuple[Any, Any]:
-        """States (N, 4) and torque (N,) of the flat-output reference (see `rig.pendubot_reference.upright_reference`); traceable."""
-        b2, b5 = self.base["b2"], self.base["b5"]
-        factor, w = b2 / (self.l1 * b5), b2 / (b5 * self.g)
+        """States (N, 4) and torque (N,) of the flat-output reference, `rig.pendubot_reference.upright_reference` but traceable."""
+        base, l1, g = self.rig.base, self.rig.l1, self.rig.g
+        factor, w = base["b2"] / (l1 * base["b5"]), base["b2"] / (base["b5"] * g)
         starts, lasts, to = self._times(design)
-        y = _rest_to_rest(self.t, starts, lasts, (to - UPRIGHT) / factor)
+        y = _rest_to_rest(self.rig.t, starts, lasts, (to - UPRIGHT) / factor)
         first = [factor * (y[k] - w * y[k + 2]) for k in range(3)]
         second = [w * y[k + 2] - d for k, d in enumerate(first)]
         x = Motion(first[0] + UPRIGHT, second[0], first[1], second[1])
-        columns = torque_columns(rigid_terms(x, self.l1, self.g), first[2], second[2])[0]
-        return jnp.stack(x, axis=1), sum(self.base[n] * c for n, c in zip(NAMES, columns, strict=True))
+        columns = torque_columns(rigid_terms(x, l1, g), first[2], second[2])[0]
+        return jnp.stack(x, axis=1), sum(base[n] * c for n, c in zip(NAMES, columns, strict=True))
 
-    @cached_property
-    def t(self) -> np.ndarray:
-        return np.arange(round(self.duration / self.period) + 1) * self.period
-
-    @cached_property
-    def gains(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values of theta1 (n,) and the feedback (n, 4) in V there."""
-        along = np.linspace(self.limits.theta1[0] - 0.3, self.limits.theta1[1] + 0.3, 15)
-        slopes = jax.jit(jax.jacfwd(lambda x: jnp.stack(self._rate(tuple(x[:4]), x[4]))))
-
-        def linearised(theta1: float) -> tuple[np.ndarray, np.ndarray]:
-            held = self.base["b4"] * self.g * np.cos(theta1) * self.motor["Ra"] / self.motor["kt"]
-            with jax.ensure_compile_time_eval():  # the first call may come while a design is traced
-                slope = np.asarray(slopes(np.array([theta1, UPRIGHT - theta1, 0.0, 0.0, held])))
-            return slope[:, :4], slope[:, 4:]
-
-        return along, scheduled_lqg(linearised, along, self.period, self.weights, measured=2, nodes=len(along)).gain
-
-    def _rate(self, x: Any, voltage: Any) -> tuple[Any, ...]:
-        torque = motor_torque(voltage, x[2], self.motor["kt"], self.motor["ke"], self.motor["Ra"])
-        return (x[2], x[3], *accelerations(rigid_terms(Motion(*x), self.l1, self.g), self.base, torque, 0.0))
-
-    # -- motion and what it tells ---------------------------------------------------------------------
-
-    def motion(self, design: Any) -> tuple[Any, Any, Any]:
-        """States (N, 4), accelerations (N, 2) and the voltage asked for (N,) in closed loop; traceable."""
+    def motion(self, design: Any) -> tuple[Any, Any]:
+        """States (N, 4) and voltage (N,) in closed loop; traceable."""
+        rig, (plant, numbers) = self.rig, self._plant
         states, torque = self.reference(design)
-        feedforward = self.motor["Ra"] / self.motor["kt"] * torque + self.motor["ke"] * states[:, 2]
-        gain = jnp.stack([jnp.interp(states[:, 0], self.gains[0], g) for g in self.gains[1].T], axis=1)
-        h = self.period
-
-        def step(x: Any, row: Any) -> Any:
-            target, ahead, k = row
-            asked = ahead - sum(k[i] * (x[i] - target[i]) for i in range(4))
-            u = jnp.clip(asked, -self.limits.voltage, self.limits.voltage)
-            k1 = self._rate(x, u)
-            k2 = self._rate(tuple(a + 0.5 * h * b for a, b in zip(x, k1, strict=True)), u)
-            k3 = self._rate(tuple(a + 0.5 * h * b for a, b in zip(x, k2, strict=True)), u)
-            k4 = self._rate(tuple(a + h * b for a, b in zip(x, k3, strict=True)), u)
-            after = tuple(a + h / 6 * (p + 2 * q + 2 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4, strict=True))
-            return after, (*x, k1[2], k1[3], asked)
-
+        feedforward = rig.parameters["Ra"] / rig.parameters["kt"] * torque + rig.parameters["ke"] * states[:, 2]
+        along, tables = self._controller
+        share = jnp.clip((states[:, 0] - along[0]) / (along[1] - along[0]), 0.0, NODES - 1.001)
+        at = share.astype(int)
+        rows = [_between(jnp.asarray(table), at, share - at) for table in tables]
         start = tuple(states[0, i] for i in range(4))
-        *x, a1, a2, asked = jax.lax.scan(step, start, (states, feedforward, gain))[1]
-        return jnp.stack(x, axis=1), jnp.stack([a1, a2], axis=1), asked
+        loop = (rig.period, rig.substeps, rig.limit)
+        *x, voltage, _, _ = run_closed_loop(plant, loop, numbers, start, (states, feedforward, *rows), 0.0, (0.0, 0.0))
+        return jnp.stack(x, axis=1), voltage
 
     def outcome(self, design: Any) -> tuple[Any, Any]:
-        """Information (4, 4) about b1, b2, b4, b5 of the torque of joint 1 with white noise, and by how much each limit is broken."""
-        states, alphas, asked = self.motion(design)
-        return self.told(states, alphas) * self.period * self.rate_hz, self.broken(states, asked)
+        """Information (4, 4) of a design, and by how much each limit is broken (see `told`, `broken`); traceable."""
+        states, voltage = self.motion(design)
+        return self.told(states, voltage), self.broken(states, voltage)
 
-    def told(self, states: Any, alphas: Any) -> Any:
-        """Information (4, 4) of a motion's samples (N, 4) with accelerations (N, 2)."""
-        x = Motion(*(states[:, i] for i in range(4)))
-        columns = torque_columns(rigid_terms(x, self.l1, self.g), alphas[:, 0], alphas[:, 1])[0]
-        matrix = jnp.stack([jnp.broadcast_to(c, x.theta1.shape) for c in columns], axis=1) / self.torque_noise
+    def told(self, states: Any, voltage: Any) -> Any:
+        """Information (4, 4) about b1, b2, b4, b5 of a motion: states (N, 4), voltage (N,)."""
+        rig, (plant, numbers) = self.rig, self._plant
+        _, _, alpha1, alpha2 = plant.rate(tuple(states[:, i] for i in range(4)), (voltage, 0.0), numbers)
+        columns = torque_columns(rigid_terms(Motion(*(states[:, i] for i in range(4))), rig.l1, rig.g), alpha1, alpha2)[0]
+        noise = max(rig.voltage_noise, 1e-6) * rig.parameters["kt"] / rig.parameters["Ra"]
+        matrix = jnp.stack([jnp.broadcast_to(c, voltage.shape) for c in columns], axis=1) / noise
         return matrix.T @ matrix
 
-    def broken(self, states: Any, asked: Any) -> Any:
-        """By how much each limit is broken (5,): voltage and rate as shares of what is allowed, angles in rad; negative inside."""
+    def broken(self, states: Any, voltage: Any) -> Any:
+        """By how much each limit is broken (5,), negative inside: share of the time at the amplifier's limit, theta1 and lean in rad,
+        rate as a share of what is allowed."""
         limits, (low, high) = self.limits, self.limits.theta1
         return jnp.stack([
-            jnp.max(jnp.abs(asked)) / limits.voltage - 1.0,
+            jnp.mean(jnp.abs(voltage) >= 0.999 * self.rig.limit),
             low - jnp.min(states[:, 0]),
             jnp.max(states[:, 0]) - high,
             jnp.max(jnp.abs(states[:, 0] + states[:, 1] - UPRIGHT)) - limits.lean,
             jnp.max(jnp.abs(states[:, 2])) / limits.rate - 1.0,
         ])  # fmt: skip
+
+    @cached_property
+    def _plant(self) -> tuple[VectorModel, tuple[float, ...]]:
+        rig = self.rig
+        plant = voltage_plant("base", tuple(rig.friction), rig.l1, rig.g)
+        return plant, tuple(float({**rig.parameters, **rig.base}[n]) for n in plant.parameters)
+
+    @cached_property
+    def _controller(self) -> tuple[np.ndarray, Lqg]:
+        """Values of theta1 (NODES,) and the rig's LQG design at each."""
+        rig = self.rig
+        plant = voltage_plant("base", (), rig.l1, rig.g)
+        numbers = tuple(float({**rig.parameters, **rig.base}[n]) for n in plant.parameters)
+        along = np.linspace(self.limits.theta1[0] - 0.3, self.limits.theta1[1] + 0.3, NODES)
+        slopes = jax.jit(jax.jacfwd(lambda x: jnp.stack(plant.rate(tuple(x[i] for i in range(4)), (x[4], 0.0), numbers))))
+
+        def linearised(theta1: float) -> tuple[np.ndarray, np.ndarray]:
+            held = rig.base["b4"] * rig.g * np.cos(theta1) * rig.parameters["Ra"] / rig.parameters["kt"]
+            with jax.ensure_compile_time_eval():  # the first call may come while a design is traced
+                slope = np.asarray(slopes(np.array([theta1, UPRIGHT - theta1, 0.0, 0.0, held])))
+            return slope[:, :4], slope[:, 4:]
+
+        return along, scheduled_lqg(linearised, along, rig.period, rig.weights, measured=2, nodes=NODES)
+
+
+def _between(table: Any, at: Any, part: Any) -> Any:
+    """Rows of a table (n, ...) on straight lines between row `at` and the next."""
+    part = part.reshape(-1, *([1] * (table.ndim - 1)))
+    return (1.0 - part) * table[at] + part * table[at + 1]
 
 
 def _rest_to_rest(t: np.ndarray, starts: Any, lasts: Any, to: Any) -> list[Any]:
@@ -167,6 +159,9 @@ def _rest_to_rest(t: np.ndarray, starts: Any, lasts: Any, to: Any) -> list[Any]:
     r = SMOOTHNESS
     slope = Polynomial([0.0, 1.0]) ** r * Polynomial([1.0, -1.0]) ** r
     shape = slope.integ() / slope.integ()(1.0)
-    steps = to - jnp.concatenate([jnp.zeros(1), to[:-1]])
-    x = jnp.clip((t[:, None] - starts) / lasts, 0.0, 1.0)
-    return [jnp.sum(steps * jnp.polyval(jnp.asarray((shape.deriv(k) if k else shape).coef[::-1]), x) / lasts**k, axis=1) for k in range(5)]
+    before = jnp.concatenate([jnp.zeros(1), to[:-1]])
+    move = jnp.clip(jnp.searchsorted(starts, t, side="right") - 1, 0)
+    x = jnp.clip((t - starts[move]) / lasts[move], 0.0, 1.0)
+    steps, lasting = (to - before)[move], lasts[move]
+    parts = [steps * jnp.polyval(jnp.asarray((shape.deriv(k) if k else shape).coef[::-1]), x) / lasting**k for k in range(5)]
+    return [parts[0] + before[move], *parts[1:]]
