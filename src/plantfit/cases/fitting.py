@@ -10,15 +10,15 @@ from plantfit.fitting import Answer, fit
 from plantfit.spec import load
 
 
-def fit_file(path: Path, progress: Callable[[Any], None] | None = None) -> Answer:
-    """The answer of the first method that a study file names."""
+def fit_file(path: Path, progress: Callable[[Any], None] | None = None, method: str | None = None) -> Answer:
+    """The answer of `method`, by default the first that a study file names, which then makes as many runs as the file says."""
     study = load(path)
     plan = study.plan
-    method = plan.methods[0]
+    runs, method = 1 if method else plan.runs, method or plan.methods[0]
     return fit(
         study.problem,
         method,
-        runs=plan.runs,
+        runs=runs,
         budget=plan.budget,
         seed=plan.seed,
         settings=plan.settings.get(method),

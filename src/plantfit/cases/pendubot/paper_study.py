@@ -1,0 +1,59 @@
+"""The paper's study on the virtual rig, end to end: record, optimum, runs of every method, and why they stop where they stop."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from plantfit.cases.pendubot.paper_section import Section, errata_section, gap_section, record_section, results_section
+from plantfit.cases.pendubot.stagnation import bound_bias, explained, stagnation
+from plantfit.cases.pendubot.study_runs import Floor, MethodRuns, floor_of, method_runs
+from plantfit.cases.pendubot.torque import TorqueRecord
+from plantfit.problem import Problem
+from plantfit.spec import load
+
+LONGER = 5  # times the budget
+METHODS = ("pso", "cga", "salp_swarm")
+
+
+@dataclass(frozen=True)
+class PaperStudy:
+    """`sections` of the page; `tuned` runs by method, `untuned` PSO and `longer` with five times the budget, `least_squares`."""
+
+    problem: Problem
+    floor: Floor
+    tuned: dict[str, MethodRuns]
+    untuned: MethodRuns
+    longer: MethodRuns
+    least_squares: MethodRuns
+    sections: list[Section]
+
+
+def paper_study(file: Path, record: TorqueRecord, runs: int, others: int, progress: Callable[[Any], None] | None = None) -> PaperStudy:
+    """`runs` of PSO, CGA and SSA with the settings of the study file, `others` of what they are compared with."""
+    study = load(file)
+    problem, plan = study.problem, study.plan
+    floor = floor_of(problem)
+
+    def made(method: str, settings: dict[str, Any], count: int, budget: int = plan.budget) -> MethodRuns:
+        return method_runs(problem, floor, method, settings, count, budget, plan.seed, progress)
+
+    tuned = {m: made(m, dict(plan.settings.get(m, {})), runs) for m in METHODS}
+    plain = {"population": plan.settings["pso"]["population"]}
+    untuned, longer = made("pso", plain, others), made("pso", plain, others, LONGER * plan.budget)
+    least_squares = made("least_squares", {"agree": 1}, others)
+    found = {m: stagnation(problem, floor, r, plan.budget) for m, r in tuned.items()}
+    told = [s for m, r in tuned.items() for s in explained(r, found[m])]
+    plainly = explained(untuned, stagnation(problem, floor, untuned, plan.budget), longer, LONGER)
+    told.append("With its default settings: " + " ".join(plainly))
+    told.append(bound_bias([(tuned[m].label, s) for m, s in found.items()]))
+    share, _ = least_squares.share_close
+    told.append(f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the optimum.")
+    every = list(tuned.values())
+    sections = [
+        record_section(record, floor),
+        results_section(record, problem, floor, every),
+        gap_section([*every, least_squares], told),
+        errata_section(),
+    ]
+    return PaperStudy(problem, floor, tuned, untuned, longer, least_squares, sections)

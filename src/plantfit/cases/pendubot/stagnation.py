@@ -1,0 +1,95 @@
+"""Why runs stop short of the optimum: other minima, a flat valley, a swarm that has drawn together, or bounds; measured, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.cases.pendubot.study_runs import CLOSE, Floor, MethodRuns, at_once
+from plantfit.problem import Problem
+
+REAL = 1e-7  # relative decrease of the cost that counts as an improvement
+ENDS = 12  # answers from which least squares goes on
+SAME = 1e-5  # relative gap of the RMSE that counts as reached
+ON_BOUND = 1e-9  # of the range
+
+
+@dataclass(frozen=True)
+class Stagnation:
+    """What the answers of one method have in common.
+
+    `distance`: median distance of the answers to the optimum, largest over the parameters, as a share of the bounds; `refined`: share of
+    ENDS answers, the worst among them, from which bounded least squares reaches the optimum; `last`: median share of the budget at the
+    last improvement; `weak`: median share of the excess misfit along the weaker half of the directions of the regressor; `on_bound`:
+    share of all coordinates that lie on a bound; `optimum_on_bound` that of the optimum's.
+    """
+
+    distance: float
+    refined: float
+    last: float
+    on_bound: float
+    optimum_on_bound: float
+
+
+def stagnation(problem: Problem, floor: Floor, runs: MethodRuns, budget: int) -> Stagnation:
+    """Measure the answers of `runs`."""
+    x = np.array([r.x for r in runs.results])
+    best = problem.space.cube([floor.values[n] for n in problem.space.names])
+    worst = np.argsort(runs.gap)[-ENDS:]
+    last = [_last_improvement(r.history_evaluations, r.history_cost) / budget for r in runs.results]
+    return Stagnation(
+        distance=float(np.median(np.max(np.abs(x - best), axis=1))),
+        refined=float(np.mean(at_once(problem, x[worst]) < floor.rmse * (1 + SAME))),
+        last=float(np.median(last)),
+        on_bound=float(np.mean((x < ON_BOUND) | (x > 1 - ON_BOUND))),
+        optimum_on_bound=float(np.mean((best < 1e-6) | (best > 1 - 1e-6))),
+    )
+
+
+def _last_improvement(evaluations: np.ndarray, cost: np.ndarray) -> float:
+    """Evaluations spent when the cost last fell by more than REAL."""
+    above = np.flatnonzero(np.asarray(cost) > cost[-1] * (1 + REAL))
+    return float(evaluations[min(above[-1] + 1, len(cost) - 1)]) if len(above) else float(evaluations[0])
+
+
+def explained(runs: MethodRuns, found: Stagnation, longer: MethodRuns | None = None, times: int = 5) -> list[str]:
+    """The measurements as sentences."""
+    share, (low, high) = runs.share_close
+    told = [
+        f"{runs.label}: {100 * share:.1f} % of {len(runs.gap)} runs end within {CLOSE:g} of the optimum "
+        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), median gap {np.median(runs.gap):.1e}, largest {runs.gap.max():.1e}."
+    ]
+    if longer is not None:
+        gain = np.median(runs.gap) / max(np.median(longer.gap), 1e-300)
+        what = "more search does not help" if gain < 2 else f"{gain:.1f} times less"
+        told.append(f"With {times} times the budget its median gap is {np.median(longer.gap):.1e}: {what}.")
+    told.append(_cause(found))
+    return told
+
+
+def _cause(found: Stagnation) -> str:
+    if found.refined < 1:
+        return (
+            f"From {100 * (1 - found.refined):.0f} % of its worst answers least squares does not reach the optimum either: "
+            "there are other minima or corners of the bounds."
+        )
+    reached = "No other minimum holds them: bounded least squares that begins at the worst answers reaches the optimum from each."
+    valley = (
+        f"The answers lie {found.distance:.2f} of the bounds' width away from it (median; the parameter farthest off) "
+        "at almost the same misfit: a flat valley."
+    )
+    share = f"{100 * found.last:.0f} % of the budget"
+    if found.last < 0.8:
+        how = (
+            f"Half of the runs made their last improvement above {REAL:g} in the first {share}: they drew together on its floor too early."
+        )
+    else:
+        how = f"Half of the runs still improved after {share}: they creep along it until the budget is spent."
+    return f"{reached} {valley} {how}"
+
+
+def bound_bias(found: Sequence[tuple[str, Stagnation]]) -> str:
+    """Which methods end on bounds more often than the optimum does."""
+    parts = [f"{name} {100 * s.on_bound:.0f} %" for name, s in found]
+    return f"Coordinates of the answers on a bound: {', '.join(parts)}; of the optimum {100 * found[0][1].optimum_on_bound:.0f} %."

@@ -1,0 +1,123 @@
+"""The runs of the paper's study: every method many times with the same budget, measured by its gap to the optimum."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.models.regression import LinearModel
+from plantfit.optimize import minimise
+from plantfit.optimize.contract import RunResult
+from plantfit.problem import Problem
+from plantfit.problem.compress import Compressed
+from plantfit.study.objective import objective_of
+from plantfit.study.statistics import Interval, wilson_interval
+from plantfit.trust import LinkNames, certified_floor, constrained_optimum
+
+LABELS = {"pso": "PSO", "cga": "CGA", "salp_swarm": "SSA", "least_squares": "bounded least squares"}
+LINKS = (LinkNames("m1", "lc1", "I1"), LinkNames("m2", "lc2", "I2"))
+CLOSE = 1e-3  # relative gap of the RMSE that counts as the optimum
+CHUNKS = 20  # parts of the runs that share a compiled loop and whose time is measured together, of at least SMALLEST runs
+SMALLEST = 10
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The constrained least-squares optimum: `rmse` (N m), its parameters, and what proves it."""
+
+    rmse: float
+    values: dict[str, float]
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MethodRuns:
+    """Runs of one method: final `rmse` (n,) in the output's unit, `gap` (n,) to the optimum, relative; physical `answers` (n, d);
+    `seconds` (chunks,) a run, those of each chunk shared out evenly; `compilation` (s) before the first; `results` of the search."""
+
+    name: str
+    rmse: np.ndarray
+    gap: np.ndarray
+    answers: np.ndarray
+    seconds: np.ndarray
+    compilation: float
+    results: tuple[RunResult, ...]
+
+    @property
+    def label(self) -> str:
+        return LABELS.get(self.name, self.name)
+
+    @property
+    def share_close(self) -> tuple[float, Interval]:
+        """Share of the runs within CLOSE of the optimum, and its Wilson interval."""
+        hits = int(np.sum(self.gap < CLOSE))
+        return hits / len(self.gap), wilson_interval(hits, len(self.gap))
+
+    @property
+    def total_seconds(self) -> float:
+        return self.compilation + float(np.mean(self.seconds)) * len(self.gap)
+
+    @property
+    def best(self) -> int:
+        return int(np.argmin(self.rmse))
+
+
+def triangle_of(problem: Problem) -> Compressed:
+    """The whole regression of a problem with one recording and one output."""
+    [[triangle]] = [list(outputs.values()) for outputs in problem.data["triangles"].values()]
+    return triangle
+
+
+def floor_of(problem: Problem, proven: bool = True) -> Floor:
+    """The optimum inside the bounds, by many starts, and with `proven` a lower bound that certifies it."""
+    model, space = problem.model, problem.space
+    assert isinstance(model, LinearModel)
+    assert model.base is not None
+    triangle = triangle_of(problem)
+    found = constrained_optimum(triangle, model.base, space.names, space.lower, space.upper)
+    told = [found.sentence]
+    if proven:
+        told.append(certified_floor(triangle, model.base, space.names, space.lower, space.upper, LINKS, found.cost).sentence)
+    return Floor(found.rmse, found.values, tuple(told))
+
+
+def method_runs(
+    problem: Problem,
+    floor: Floor,
+    method: str,
+    settings: Mapping[str, Any],
+    runs: int,
+    budget: int,
+    seed: int,
+    progress: Callable[[Any], None] | None = None,
+) -> MethodRuns:
+    """`runs` seeded runs of one method; the first chunk is made twice, so that compiling is timed apart."""
+    objective, results, seconds = objective_of(problem), [], []
+    chosen, chunk = dict(settings), max(SMALLEST, -(-runs // CHUNKS))
+
+    def made(first: int) -> tuple[list[RunResult], float]:
+        began, count = time.perf_counter(), min(chunk, runs - first)
+        found = minimise(objective, method, runs=count, first_run=first, budget=budget, seed=seed, settings=chosen, progress=progress)
+        return list(found), time.perf_counter() - began
+
+    compilation = made(0)[1]
+    for first in range(0, runs, chunk):
+        found, spent = made(first)
+        results += found
+        seconds.append(spent / len(found))
+    rmse = np.sqrt([r.cost for r in results])
+    answers = np.asarray(problem.space.physical(np.array([r.x for r in results])))
+    return MethodRuns(method, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results))
+
+
+def at_once(problem: Problem, points: Sequence[np.ndarray] | np.ndarray, seed: int = 0) -> np.ndarray:
+    """RMSE (n,) where bounded least squares ends that begins at cube points (n, d)."""
+    ends = []
+    for x in points:
+        objective = objective_of(problem, np.asarray(x)[None, :])
+        found = minimise(objective, "least_squares", runs=1, budget=2000, seed=seed, settings={"agree": 1, "side_by_side": 1})[0]
+        ends.append(np.sqrt(found.cost))
+    return np.array(ends)
