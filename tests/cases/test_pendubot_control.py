@@ -1,9 +1,11 @@
 """Controllers of the pendubot on the virtual rig: what they catch, and the section that says it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from plantfit.cases.pendubot.control_section import MOTOR, UPRIGHT, caught, closed, control_section, controllers
 from plantfit.models.pendubot import pendubot
@@ -52,6 +54,37 @@ def test_how_far_each_catches(designs):
         for lean, holds in ((c.high, True), (c.high + c.resolution, False)):
             seen = loop.simulate(d.parameters, MOTOR | TRUTH, {}, samples=3000, x0=UPRIGHT | {"theta1": np.pi / 2 + lean})
             assert bool(np.all(np.abs(np.asarray(seen.y["theta1"])[-500:] - np.pi / 2) < np.radians(2.0))) is holds
+
+
+def lean_that_any_voltage_could_catch(plant):
+    """Of the linear plant: a linear program over all voltages, on its two modes that run away."""
+    rates, left = np.linalg.eig(plant.A.T)
+    away = rates.real > 0
+    rates, left = rates[away].real, left[:, away].T.real
+    h, pushed = 2e-3, (left @ plant.B)[:, 0]
+    t = np.arange(0.0, 2.0, h)
+    modes = np.array([b * np.exp(-r * t) * -np.expm1(-r * h) / r for b, r in zip(pushed, rates, strict=True)])
+    start = left @ np.eye(4)[0]
+    bounds = [(-24.0, 24.0)] * len(t) + [(0.0, None)]
+    return linprog(np.r_[np.zeros(len(t)), -1.0], A_eq=np.c_[modes, start], b_eq=np.zeros(2), bounds=bounds).x[-1]
+
+
+@pytest.mark.slow
+def test_on_the_linear_plant_mpc_comes_near_what_is_possible():
+    model = pendubot(drive="voltage")
+    designs = controllers(model, MOTOR | TRUTH)
+    plant = designs["MPC"].plant
+
+    def derivative(x, u, p):
+        off = [x[n] - x0 for n, x0 in zip(plant.states, plant.x0, strict=True)]
+        rows = zip(plant.A.tolist(), plant.B[:, 0].tolist(), strict=True)
+        rates = [sum(a * o for a, o in zip(row, off, strict=True)) + b * u["V"] for row, b in rows]
+        return dict(zip(plant.states, rates, strict=True))
+
+    linear = replace(model, derivative=derivative)
+    most = lean_that_any_voltage_could_catch(plant)
+    reached = {name: caught(closed(designs[name], linear), designs[name], MOTOR | TRUTH).high / most for name in ("LQR", "MPC")}
+    assert reached["LQR"] < 0.8 < 0.94 < reached["MPC"] <= 1.0
 
 
 @pytest.mark.slow

@@ -92,6 +92,7 @@ def control_section(
         ways = [best.low, best.high, min(w.low for w in worst), min(w.high for w in worst)]
         rows.append([name, WAYS[name], *(f"{np.degrees(w):.1f}" for w in ways), f"{np.sqrt(np.mean(tail**2)):.2f}"])
         steps.append(max(c.resolution for c in (best, *worst)))
+    out = np.degrees(np.max(np.abs(np.asarray(runs["LQR"].states["theta1"]) - np.pi / 2)))
     off = f"{100 * OFF:g} % off"
     least = min(float(row[k]) for row in rows for k in (2, 3))
     return {
@@ -100,8 +101,9 @@ def control_section(
             f"Four controllers, designed on the identified plant, hold the upright on "
             f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of {COUNTS} counts, "
             f"one voltage every {1000 * PERIOD:g} ms and an amplifier of +-{LIMIT:g} V in the loop.",
-            f"Each catches both links in line and at rest that lean at least {least:.1f} degrees to either side; beyond its limit the "
-            "motor is too weak or the linear design too far off.",
+            f"Each catches both links in line and at rest that lean at least {least:.1f} degrees to either side.",
+            f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} degrees on its way under link 2, where a linear design "
+            "fits less and less.",
             f"The last two angles are those on a worse plant: all parameters of the links {off}, up and down in turn.",
         ],
         "tables": [
