@@ -81,7 +81,7 @@ def test_the_simulated_motor_obeys_its_equations(program, tmp_path):
         slope = np.polyfit(r.t[late], r["angle"][late], 1)[0]
         assert slope == pytest.approx(w, rel=0.01)
         assert 2 * np.pi / 500 / (np.median(r["pulse_period"][late]) * 1e-6) == pytest.approx(w, rel=0.02)  # 1 us of 83
-        assert np.mean(r["current"][late]) == pytest.approx((C * w + Tf) / K, abs=3e-3)
+        assert np.mean(r["current"][late]) == pytest.approx((V - K * slope) / R, abs=3e-3)
 
 
 def faulty(program, folder, excitation, *, flip, drop, events):

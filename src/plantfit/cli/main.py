@@ -1,7 +1,7 @@
 """The command line: every command is a thin layer over the same Python calls.
 
 Exit codes: 0 done; 2 wrong arguments; 3 recording; 4 unit; 5 model or equation; 6 parameters;
-7 study file; 8 search; 9 simulation; 10 store; 11 missing extra; 12 file system; 130 stopped by Ctrl-C.
+7 study file; 8 search; 9 simulation; 10 store; 11 missing extra; 12 file system; 13 board; 130 stopped by Ctrl-C.
 """
 
 import sys
@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from plantfit.cli import bench
 from plantfit.errors import PlantfitError
 
 app = typer.Typer(
@@ -243,6 +244,10 @@ def tune_search(
     from plantfit.cli import tune
 
     tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], hold or [], out, json)
+
+
+app.command()(bench.excite)
+app.command()(bench.record)
 
 
 @app.command()

@@ -47,15 +47,15 @@ def warn(sentence: str) -> None:
 
 
 @contextmanager
-def stoppable() -> Iterator[Any]:
-    """Inside, the first Ctrl-C sets a flag that the yielded function tells; a second one stops at once."""
+def stoppable(sentence: str = "Stopping: saving what is done. Ctrl-C again stops at once.") -> Iterator[Any]:
+    """Inside, the first Ctrl-C says `sentence` and sets a flag that the yielded function tells; a second one stops at once."""
     hits: list[int] = []
 
     def on_signal(number, frame):
         hits.append(number)
         if len(hits) > 1:
             raise KeyboardInterrupt
-        warn("Stopping: saving what is done. Ctrl-C again stops at once.")
+        warn(sentence)
 
     old = [signal.signal(s, on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
     try:
