@@ -196,7 +196,7 @@ def test_wrong_options_are_named(options, words):
 def test_presliding_holds_a_link_at_rest_where_a_smoothed_sign_creeps():
     t = np.linspace(0, 3, 601)
     start = {"theta1": 0.1, "theta2": 0.0, "omega1": 0.0, "omega2": 0.0, "slide1": 0.0, "slide2": 0.0}
-    values = {"b1": 0.05, "b2": 0.05, "b4": 0.2, "b5": 0.15, "Fv1": 0.0, "Fv2": 0.0, "Fc1": 1.0, "Fc2": 1.0}
+    values = {"b1": 0.05, "b2": 0.05, "b4": 0.2, "b5": 0.15, "Fv1": 0.02, "Fv2": 0.02, "Fc1": 1.0, "Fc2": 1.0}
     zero = np.zeros_like(t)
     signals = {"tau1": zero, "tau2": zero, **{n: np.full_like(t, v) for n, v in start.items()}}
     moved = {}
@@ -206,7 +206,7 @@ def test_presliding_holds_a_link_at_rest_where_a_smoothed_sign_creeps():
         moved[sign] = np.abs(made["r"].simulated["theta1"][0] - 0.1)
     creep = {sign: abs(m[-1] - m[len(m) // 2]) for sign, m in moved.items()}
     assert moved["presliding"].max() < 0.005
-    assert creep["presliding"] < 2e-4
+    assert creep["presliding"] < 1e-3
     assert creep["tanh"] > 0.01
 
 

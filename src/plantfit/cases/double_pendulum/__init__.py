@@ -1,0 +1,1 @@
+"""Double pendulum of DFKI, both joints driven, identification runs on real hardware."""
