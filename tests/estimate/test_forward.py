@@ -1,17 +1,13 @@
-"""Windows with starts of their own against a plain nonlinear least-squares fit by scipy; the pendubot both ways."""
+"""Windows with starts of their own against a plain nonlinear least-squares fit by scipy."""
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from test_inverse_dynamics import REFERENCE, RIG, TRUTH, inverse
 
 import plantfit as pf
 from plantfit.errors import ModelError, RecordingError
-from plantfit.estimate import compare_estimates, estimate_at, free_start, windows
-from plantfit.fitting import gauss_newton
-from plantfit.models.pendubot import pendubot
+from plantfit.estimate import estimate_at, free_start, windows
 from plantfit.optimize import minimise
-from plantfit.problem.shooting import Shooting
 from plantfit.study import objective_of
 
 DECAY = pf.equations(
@@ -61,26 +57,3 @@ def test_values_and_errors_with_free_starts_are_those_of_scipy():
 def test_only_states_can_start_freely():
     with pytest.raises(ModelError, match="no state 'z'"):
         free_start(DECAY, {"z": 1.0})
-
-
-@pytest.mark.slow
-def test_the_pendubot_has_the_same_parameters_forwards_and_backwards():
-    record = RIG.record(seed=1).recording
-    spread = {"theta1": 0.01, "theta2": 0.01, "omega1": 3.0, "omega2": 3.0}
-    problem = pf.Problem(
-        free_start(pendubot("base", drive="voltage"), spread),
-        windows(record, 1.0),
-        {f"{n}_start": pf.Parameter((-s, s), per_recording=True) for n, s in spread.items()},
-        stepper="rk4",
-        substeps=1,
-        scales={"theta1": 1.8e-4, "theta2": 1.8e-4},
-    )
-    start = np.full(problem.space.dimension, 0.5)
-    start[:4] = np.random.default_rng(0).random(4)
-    shot = Shooting.of(problem, length=0.1).solve(start)
-    assert shot.closed
-    forward = estimate_at(problem, gauss_newton(problem, shot.z), ["b1", "b2", "b4", "b5"])
-    backward = inverse().fit(record, RIG.noise_free, REFERENCE).estimate
-    assert np.all(np.abs(forward.values - TRUTH) < 4 * forward.standard_error)
-    assert np.all(forward.standard_error < [2e-3, 0.03, 5e-5, 0.03] * TRUTH)
-    assert compare_estimates(backward, forward).p_value > 1e-3
