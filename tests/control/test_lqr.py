@@ -7,7 +7,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
 import control
-from plantfit.control import discretised, kalman_observer, linearised, lqr
+from plantfit.control import discretised, kalman_observer, linearised, lqr, mpc, pid_per_output
 from plantfit.control.kalman import sampled_noise
 from plantfit.errors import SimulationError
 from plantfit.simulate.sensors import Actuator, Sensor
@@ -109,7 +109,18 @@ def test_bad_input_is_named(call, words):
         call()
 
 
-def test_a_reference_that_is_no_mapping_is_named():
-    design = lqr(upright(("q", "w")), PERIOD, 1.0, 1.0)
-    with pytest.raises(SimulationError, match="may name"):
-        design.close(stick(("q", "w"))).simulate(design.parameters, STICK, 0.0, samples=5)
+@pytest.mark.parametrize(("reference", "words"), [(0.0, "may name"), ({"q": 0.0, "u": 0.1, "Q": 1.0}, "names 'Q'")])
+def test_a_reference_that_does_not_fit_is_named(reference, words):
+    for design in (
+        lqr(upright(("q", "w")), PERIOD, 1.0, 1.0),
+        mpc(upright(("q", "w")), PERIOD, 1.0, 1.0, limits=None, horizon=3),
+        pid_per_output(upright(), PERIOD, [-6.0, -5.0]),
+    ):
+        with pytest.raises(SimulationError, match=words):
+            design.close(stick(design.plant.outputs)).simulate(design.parameters, STICK, reference, samples=5)
+
+
+def test_an_estimator_of_another_plant_is_named():
+    other = kalman_observer(linearised(carts(), CARTS), PERIOD, 1.0, 1.0)
+    with pytest.raises(SimulationError, match="kalman_observer for this plant"):
+        lqr(upright(), PERIOD, 1.0, 1.0, estimator=other)

@@ -66,6 +66,7 @@ def test_blended_filters_know_the_plant_away_from_the_held_point():
         (lambda: takagi_sugeno([], PERIOD, 1.0, 1.0, premise="q", hold=0), "0 operating points"),
         (lambda: takagi_sugeno([upright(BOTH)], PERIOD, 1.0, 1.0, premise="q", hold=1), "hold = 1"),
         (lambda: takagi_sugeno([upright(BOTH)], PERIOD, 1.0, 1.0, premise="u", hold=0), "'u' is not measured"),
+        (lambda: takagi_sugeno([leaning(0.1), leaning(0.3, ("q",))], PERIOD, 1.0, 1.0, premise="q", hold=0), "linearise one model"),
         (lambda: takagi_sugeno([leaning(0.3), leaning(0.1)], PERIOD, 1.0, 1.0, premise="q", hold=0), "increasing order"),
         (lambda: takagi_sugeno([leaning(0.1), leaning(0.3)], PERIOD, 1.0, 1.0, premise="q", hold=0, estimators=[]), "0 estimators"),
     ],

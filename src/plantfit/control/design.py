@@ -81,10 +81,14 @@ def stacked(values: Any, names: tuple[str, ...]) -> Any:
     return jnp.stack([values[name] for name in names]) if isinstance(values, Mapping) else jnp.reshape(values, (len(names),))
 
 
-def followed(reference: Any, names: tuple[str, ...], rest: Any) -> Any:
-    """The reference (n,) of the named signals; those that it does not name are to stay at `rest`."""
+def followed(reference: Any, names: tuple[str, ...], rest: Any, others: tuple[str, ...] = ()) -> Any:
+    """The reference (n,) of the named signals; those that it does not name are to stay at `rest`. It may name `others` too."""
+    known = [*names, *others]
     if not isinstance(reference, Mapping):
-        raise SimulationError(f"The reference is one number; give a mapping that may name {list(names)}, {{}} to hold the equilibrium.")
+        raise SimulationError(f"The reference is one number; give a mapping that may name {known}, {{}} to hold the equilibrium.")
+    for name in reference:
+        if name not in known:
+            raise SimulationError(f"The reference names {name!r}; this controller follows {known}.")
     return jnp.stack([jnp.asarray(reference.get(name, rest[k])) for k, name in enumerate(names)])
 
 

@@ -90,3 +90,16 @@ def measured_states(plant: LinearPlant, period: float) -> Estimator:
         )
     gain = np.linalg.inv(plant.C)
     return Estimator(*(jnp.asarray(m) for m in (sampled.A, sampled.B, sampled.C, sampled.D, gain, plant.x0, plant.u0, plant.y0)))
+
+
+def fitting(plant: LinearPlant, period: float, estimator: Estimator | None) -> Estimator:
+    """The estimator itself, or `measured_states` for None; raises SimulationError for one of a plant of another size."""
+    if estimator is None:
+        return measured_states(plant, period)
+    sizes = [np.shape(m) for m in (estimator.A, estimator.B, estimator.C)]
+    if sizes != [plant.A.shape, plant.B.shape, plant.C.shape]:
+        raise SimulationError(
+            f"The estimator is for matrices A, B, C of shapes {sizes}, the plant has {[plant.A.shape, plant.B.shape, plant.C.shape]}; "
+            "make it with kalman_observer for this plant."
+        )
+    return estimator

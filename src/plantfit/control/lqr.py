@@ -7,7 +7,7 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.design import Design, Limits, followed, limits_of, named, stacked, weight
-from plantfit.control.kalman import Estimator, measured_states
+from plantfit.control.kalman import Estimator, fitting
 from plantfit.control.linear_plant import LinearPlant, discretised
 from plantfit.errors import SimulationError
 from plantfit.simulate.closed_loop import Controller
@@ -36,7 +36,7 @@ def lqr(plant: LinearPlant, period: float, Q: Any, R: Any, *, estimator: Estimat
     Raises SimulationError for weights that do not fit and for a plant that the inputs cannot hold.
     """
     gain, _ = regulator(discretised(plant, period), weight("Q", Q, plant.states, False), weight("R", R, plant.inputs, True))
-    chosen = measured_states(plant, period) if estimator is None else estimator
+    chosen = fitting(plant, period, estimator)
     low, high = limits_of(limits, plant.inputs)
     parameters = StateFeedback(jnp.asarray(gain), chosen, jnp.asarray(low), jnp.asarray(high))
     return Design(state_feedback(plant.outputs, plant.inputs, plant.states), parameters, plant, float(period))
@@ -69,7 +69,9 @@ def state_feedback(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tu
     def update(state, measurement, reference, parameters):
         estimator = parameters.estimator
         x = estimator.corrected(state[0], stacked(measurement, outputs), state[1])
-        wanted = followed(reference, inputs, estimator.u0) - parameters.gain @ (x - followed(reference, states, estimator.x0))
+        wanted = followed(reference, inputs, estimator.u0, states) - parameters.gain @ (
+            x - followed(reference, states, estimator.x0, inputs)
+        )
         u = jnp.clip(wanted, parameters.lower, parameters.upper)
         return (estimator.predicted(x, u), u), named(u, inputs)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.design import Design, Limits, followed, limits_of, named, stacked, weight
-from plantfit.control.kalman import Estimator, measured_states
+from plantfit.control.kalman import Estimator, fitting
 from plantfit.control.linear_plant import LinearPlant, by_name, discretised
 from plantfit.control.lqr import regulator
 from plantfit.control.quadratic import Prepared, Split, prepared, solved
@@ -77,7 +77,7 @@ def mpc(
         jnp.asarray(np.concatenate([np.tile(high_u, horizon), np.tile(high_x[limited], horizon)])),
         jnp.asarray(which[:, :m]),
         jnp.asarray(which[:, m:]),
-        measured_states(plant, period) if estimator is None else estimator,
+        fitting(plant, period, estimator),
     )
     return Design(_predictive(plant.outputs, plant.inputs, plant.states, steps), parameters, plant, float(period))
 
@@ -115,7 +115,7 @@ def _predictive(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple
         x, u, last = state
         estimator = parameters.estimator
         x = estimator.corrected(x, stacked(measurement, outputs), u)
-        x_ref, u_ref = followed(reference, states, estimator.x0), followed(reference, inputs, estimator.u0)
+        x_ref, u_ref = followed(reference, states, estimator.x0, inputs), followed(reference, inputs, estimator.u0, states)
         origin = parameters.inputs @ u_ref + parameters.states @ x_ref
         free = parameters.free @ (x - x_ref)
         split = solved(parameters.task, free, parameters.low - origin, parameters.high - origin, last, steps)

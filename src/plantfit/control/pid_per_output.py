@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import place_poles
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.design import Design, Limits, limits_of
+from plantfit.control.design import Design, Limits, followed, limits_of
 from plantfit.control.linear_plant import LinearPlant
 from plantfit.control.pid import Gains, pid
 from plantfit.errors import SimulationError
@@ -67,15 +67,14 @@ def pid_per_output(
 
 
 def _summed(plant: LinearPlant, part: Controller, lower: float, upper: float) -> Controller:
-    rest = {name: float(plant.y0[k]) for k, name in enumerate(plant.outputs)}
-
     def init(measurement, gains):
         return {name: part.init(measurement[name], gains[name]) for name in plant.outputs}
 
     def update(state, measurement, reference, gains):
         after, wanted = {}, jnp.asarray(float(plant.u0[0]))
+        aims = dict(zip(plant.outputs, followed(reference, plant.outputs, plant.y0), strict=True))
         for name in plant.outputs:
-            after[name], command = part.update(state[name], measurement[name], reference.get(name, rest[name]), gains[name])
+            after[name], command = part.update(state[name], measurement[name], aims[name], gains[name])
             wanted = wanted + command
         for name, (last, now) in {name: (state[name], after[name]) for name in plant.outputs}.items():
             # clamping as in `pid`, but by the limits of the sum: parts beyond them may cancel

@@ -7,7 +7,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.design import Design, Limits, followed, limits_of, named, stacked, weight
-from plantfit.control.kalman import Estimator, measured_states
+from plantfit.control.kalman import Estimator, fitting
 from plantfit.control.linear_plant import LinearPlant, discretised
 from plantfit.control.lqr import regulator
 from plantfit.errors import SimulationError
@@ -54,6 +54,9 @@ def takagi_sugeno(
     if not plants or not 0 <= hold < len(plants):
         raise SimulationError(f"hold = {hold} for {len(plants)} operating points; give the place of one of them, counted from 0.")
     first = plants[hold]
+    for plant in plants:
+        if (plant.states, plant.inputs, plant.outputs) != (first.states, first.inputs, first.outputs):
+            raise SimulationError("The operating points have other states, inputs or outputs; linearise one model at all of them.")
     if premise not in first.outputs:
         raise SimulationError(f"The premise {premise!r} is not measured; name one of the outputs {list(first.outputs)}.")
     place = first.outputs.index(premise)
@@ -62,9 +65,10 @@ def takagi_sugeno(
         raise SimulationError(f"The operating points have {premise} = {centres.tolist()}; give them in increasing order.")
     q, r = weight("Q", Q, first.states, False), weight("R", R, first.inputs, True)
     gains = np.stack([regulator(discretised(plant, period), q, r)[0] for plant in plants])
-    chosen = tuple(measured_states(plant, period) for plant in plants) if estimators is None else tuple(estimators)
-    if len(chosen) != len(plants):
-        raise SimulationError(f"There are {len(chosen)} estimators for {len(plants)} operating points; give one for each.")
+    given = (None,) * len(plants) if estimators is None else tuple(estimators)
+    if len(given) != len(plants):
+        raise SimulationError(f"There are {len(given)} estimators for {len(plants)} operating points; give one for each.")
+    chosen = [fitting(plant, period, one) for plant, one in zip(plants, given, strict=True)]
     together = jax.tree.map(lambda *arrays: jnp.stack(arrays), *chosen)
     low, high = (jnp.asarray(a) for a in limits_of(limits, first.inputs))
     parameters = Rules(jnp.asarray(centres), jnp.asarray(gains), together, jnp.asarray(first.x0), jnp.asarray(first.u0), low, high)
@@ -87,8 +91,8 @@ def _blended(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple[st
         y = stacked(measurement, outputs)
         share = memberships(y[place], parameters.centres)
         x = share @ jax.vmap(lambda e: e.corrected(x, y, u))(parameters.estimators)
-        error = x - followed(reference, states, parameters.x0)
-        wanted = followed(reference, inputs, parameters.u0) - jnp.einsum("r,rmn,n->m", share, parameters.gains, error)
+        error = x - followed(reference, states, parameters.x0, inputs)
+        wanted = followed(reference, inputs, parameters.u0, states) - jnp.einsum("r,rmn,n->m", share, parameters.gains, error)
         u = jnp.clip(wanted, parameters.lower, parameters.upper)
         return (share @ jax.vmap(lambda e: e.predicted(x, u))(parameters.estimators), u), named(u, inputs)
 
