@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.pendubot.study_runs import CLOSE, Floor, MethodRuns, at_once
+from plantfit.cases.pendubot.study_runs import CLOSE, Floor, MethodRuns, refined
 from plantfit.problem import Problem
 
 REAL = 1e-7  # relative decrease of the cost that counts as an improvement
@@ -40,7 +40,7 @@ def stagnation(problem: Problem, floor: Floor, runs: MethodRuns, budget: int) ->
     last = [_last_improvement(r.history_evaluations, r.history_cost) / budget for r in runs.results]
     return Stagnation(
         distance=float(np.median(np.max(np.abs(x - best), axis=1))),
-        refined=float(np.mean(at_once(problem, x[worst]) < floor.rmse * (1 + SAME))),
+        refined=float(np.mean(refined(problem, x[worst]) < floor.rmse * (1 + SAME))),
         last=float(np.median(last)),
         on_bound=float(np.mean((x < ON_BOUND) | (x > 1 - ON_BOUND))),
         optimum_on_bound=float(np.mean((best < 1e-6) | (best > 1 - 1e-6))),
@@ -87,6 +87,34 @@ def _cause(found: Stagnation) -> str:
     else:
         how = f"Half of the runs still improved after {share}: they creep along it until the budget is spent."
     return f"{reached} {valley} {how}"
+
+
+@dataclass(frozen=True)
+class Valley:
+    """How far the parameters may move from the optimum within CLOSE of it, as a share of the bounds: across the valley and along it."""
+
+    across: float
+    along: float
+
+
+def valley(problem: Problem, floor: Floor) -> Valley:
+    """From the misfit's second derivatives at the optimum; along the flattest direction at most 1."""
+    residuals, jacobian = problem.compressed(problem.space.cube([floor.values[n] for n in problem.space.names]))
+    allowed = np.mean(residuals**2) * ((1 + CLOSE) ** 2 - 1)
+    stiffness = np.linalg.svd(jacobian / np.sqrt(len(residuals)), compute_uv=False)
+    widths = np.sqrt(allowed) / np.maximum(stiffness, 1e-300)
+    return Valley(float(widths.min()), float(min(widths.max(), 1.0)))
+
+
+def salps_in(found: Valley, generations: int) -> str:
+    """What the published schedule of the salp swarm, c1 = 2 exp(-(4 l/L)^2), means in a valley."""
+    begin = int(np.ceil(generations / 4 * np.sqrt(np.log(2 / found.across))))
+    return (
+        f"Within {CLOSE:g} of the optimum the parameters may move by {found.across:.1e} of the bounds' width across the valley and by "
+        f"{found.along:.1e} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger than the "
+        f"valley is wide nearly all of them miss it; from generation {begin} of {generations} on they fit, but c1 falls so fast that they "
+        "do not lead along it any more."
+    )
 
 
 def bound_bias(found: Sequence[tuple[str, Stagnation]]) -> str:

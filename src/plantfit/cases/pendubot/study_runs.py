@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.regression import LinearModel
@@ -22,6 +23,7 @@ LINKS = (LinkNames("m1", "lc1", "I1"), LinkNames("m2", "lc2", "I2"))
 CLOSE = 1e-3  # relative gap of the RMSE that counts as the optimum
 CHUNKS = 20  # parts of the runs that share a compiled loop and whose time is measured together, of at least SMALLEST runs
 SMALLEST = 10
+MARGIN = 1e-6  # of the box, that a start keeps from the bounds
 
 
 @dataclass(frozen=True)
@@ -39,16 +41,13 @@ class MethodRuns:
     `seconds` (chunks,) a run, those of each chunk shared out evenly; `compilation` (s) before the first; `results` of the search."""
 
     name: str
+    label: str
     rmse: np.ndarray
     gap: np.ndarray
     answers: np.ndarray
     seconds: np.ndarray
     compilation: float
     results: tuple[RunResult, ...]
-
-    @property
-    def label(self) -> str:
-        return LABELS.get(self.name, self.name)
 
     @property
     def share_close(self) -> tuple[float, Interval]:
@@ -93,8 +92,9 @@ def method_runs(
     budget: int,
     seed: int,
     progress: Callable[[Any], None] | None = None,
+    label: str | None = None,
 ) -> MethodRuns:
-    """`runs` seeded runs of one method; the first chunk is made twice, so that compiling is timed apart."""
+    """`runs` seeded runs of one method, called `label`; the first chunk is made twice, so that compiling is timed apart."""
     objective, results, seconds = objective_of(problem), [], []
     chosen, chunk = dict(settings), max(SMALLEST, -(-runs // CHUNKS))
 
@@ -110,14 +110,15 @@ def method_runs(
         seconds.append(spent / len(found))
     rmse = np.sqrt([r.cost for r in results])
     answers = np.asarray(problem.space.physical(np.array([r.x for r in results])))
-    return MethodRuns(method, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results))
+    name = label or LABELS.get(method, method)
+    return MethodRuns(method, name, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results))
 
 
-def at_once(problem: Problem, points: Sequence[np.ndarray] | np.ndarray, seed: int = 0) -> np.ndarray:
-    """RMSE (n,) where bounded least squares ends that begins at cube points (n, d)."""
-    ends = []
-    for x in points:
-        objective = objective_of(problem, np.asarray(x)[None, :])
-        found = minimise(objective, "least_squares", runs=1, budget=2000, seed=seed, settings={"agree": 1, "side_by_side": 1})[0]
-        ends.append(np.sqrt(found.cost))
-    return np.array(ends)
+def refined(problem: Problem, points: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """RMSE (n,) where bounded least squares (scipy's trust region) ends that begins at cube points (n, d)."""
+    inside = np.clip(np.asarray(points), MARGIN, 1 - MARGIN)
+    found = [
+        least_squares(lambda z: problem.compressed(z)[0], z, lambda z: problem.compressed(z)[1], bounds=(0.0, 1.0), xtol=1e-14, ftol=1e-14)
+        for z in inside
+    ]
+    return np.array([np.sqrt(np.mean(f.fun**2)) for f in found])
