@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plantfit.cases.pendubot.experiment import NAMES, UprightMoves
-from plantfit.cases.pendubot.experiment_section import experiment_section
+from plantfit.cases.pendubot.experiment_section import estimated, experiment_section
 from plantfit.cases.pendubot.identifiability_section import identifiability_section
 from plantfit.models.pendubot import pendubot_regression
 from plantfit.recording.derivative import differentiate
@@ -89,7 +89,7 @@ def test_the_information_is_that_of_the_regression(motion):
 
 
 def test_a_short_search_finds_a_better_experiment_within_the_limits():
-    section = experiment_section(SHORT, moves=2, budget=150)
+    section = experiment_section(SHORT, moves=2, budget=150, records=0)
     assert "The log-determinant of the information grows by" in section["sentences"][1]
     assert np.prod([float(row[4]) for row in section["tables"][0]["rows"]]) > 2.0  # one may lose what the others win
     assert [r[0] for r in section["tables"][0]["rows"]] == list(NAMES)
@@ -99,3 +99,18 @@ def test_a_short_search_finds_a_better_experiment_within_the_limits():
     assert np.radians(29) < exact["theta1"].min()
     assert exact["theta1"].max() < np.radians(151)
     json.dumps(section)
+
+
+@pytest.mark.slow
+def test_the_better_experiment_is_better_through_sensors_and_estimator_too():
+    section = experiment_section(budget=400, records=0)
+    poses = tuple(Move(float(a), float(b), np.radians(float(c))) for _, a, b, c in section["tables"][1]["rows"])
+    errors, sure = {}, {}
+    for which, rig in (("paper", PendubotRig()), ("found", PendubotRig(poses=poses))):
+        truth = np.array([rig.base[n] for n in NAMES])
+        found = [estimated(rig, seed) for seed in range(40, 48)]
+        errors[which] = np.sqrt(np.mean([(e.values - truth) ** 2 for e in found], axis=0))
+        sure[which] = np.median([e.standard_error for e in found], axis=0)
+    assert np.all(sure["found"] < sure["paper"])
+    assert np.all(errors["found"][[0, 1, 3]] < 0.5 * errors["paper"][[0, 1, 3]])
+    assert np.all(errors["found"] < 3.0 * sure["found"])  # and the smaller intervals are honest

@@ -6,6 +6,8 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.pendubot.experiment import NAMES, Limits, UprightMoves
+from plantfit.estimate import Estimate, InverseDynamics
+from plantfit.models.pendubot import motor_torque, pendubot_regression
 from plantfit.report.figures import style
 from plantfit.rig import PendubotRig
 from plantfit.rig.trajectories import Move
@@ -18,23 +20,31 @@ DRAWN = 20  # every so many samples
 
 
 def experiment_section(
-    rig: PendubotRig | None = None, moves: int = 6, budget: int = 600, seed: int = 1, method: str = "cmaes", limits: Limits | None = None
+    rig: PendubotRig | None = None,
+    moves: int = 6,
+    budget: int = 600,
+    seed: int = 1,
+    method: str = "cmaes",
+    limits: Limits | None = None,
+    records: int = 1,
 ) -> dict[str, Any]:
     """Find `moves` between upright poses that tell most about b1, b2, b4, b5 in the time of `rig`, and compare on the rig itself.
 
     The search simulates the closed loop with the rig's parameters without noise; here they are the truth, on a bench those
     of the first record. Both trajectories then run on the rig with its sensors, and the information is that of the true motion.
+    From `records` recordings of each (seeds seed, seed + 1, ...) the coefficients are estimated by instrumental variables.
     """
     rig = PendubotRig() if rig is None else rig
     family = UprightMoves(rig, moves, limits or Limits())
     found = d_optimal(family.outcome, None, family.bounds, method=method, budget=budget, seed=seed)
     poses = family.poses(found.design)
-    runs = {"paper's": _run(rig, family), "D-optimal": _run(_with_poses(rig, poses), family)}
+    rigs = {"paper's": rig, "D-optimal": _with_poses(rig, poses)}
+    runs = {which: _run(r, family) for which, r in rigs.items()}
     told = gain(NAMES, runs["D-optimal"]["information"], runs["paper's"]["information"])
     return {
         "title": "The next experiment (virtual rig)",
         "sentences": [*_sentences(told, found.evaluations, moves, method, rig), _kept(runs["D-optimal"], family)],
-        "tables": [_errors(rig, runs), _moves(poses)],
+        "tables": [_errors(rig, runs), *([_practised(rigs, range(seed, seed + records))] if records else []), _moves(poses)],
         "figures": [{"figure": _figure(runs), "label": "theta1 and voltage over time in the paper's experiment and in the D-optimal one."}],
     }
 
@@ -82,6 +92,32 @@ def _errors(rig: PendubotRig, runs: dict[str, dict[str, Any]]) -> dict[str, Any]
     ]
     columns = ["Coefficient", "Truth", *(f"{which} standard error" for which in runs), "Times smaller"]
     return {"caption": "Standard errors of the two experiments", "columns": columns, "rows": rows}
+
+
+def _practised(rigs: dict[str, PendubotRig], seeds: range) -> dict[str, Any]:
+    """What recordings with encoder steps and noise make of the coefficients: standard errors and errors of every estimate."""
+    rows = []
+    for which, rig in rigs.items():
+        values = np.array([rig.base[n] for n in NAMES])
+        for seed in seeds:
+            e = estimated(rig, seed)
+            told = [f"{100 * s / v:.2g} ({100 * (x - v) / v:+.2g})" for s, x, v in zip(e.standard_error, e.values, values, strict=True)]
+            rows.append([which, str(seed), *told])
+    caption = "Estimated from the sensors by instrumental variables: standard error (error) in percent"
+    return {"caption": caption, "columns": ["Experiment", "Seed", *NAMES], "rows": rows}
+
+
+def estimated(rig: PendubotRig, seed: int) -> Estimate:
+    """b1, b2, b4, b5 of one recording of both joints by instrumental variables (docs/regression.md)."""
+    p = rig.parameters
+    inverse = InverseDynamics(
+        pendubot_regression("base", joints=(1, 2), l1=rig.l1, g=rig.g),
+        {f"theta{j}": (f"omega{j}", f"alpha{j}") for j in (1, 2)},
+        torques=lambda s: {"tau1": motor_torque(s["V"], s["omega1"], p["kt"], p["ke"], p["Ra"]), "tau2": 0.0},
+        held=("V",),
+    )
+    reference = {"theta1": "theta1_ref", "theta2": "theta2_ref"}
+    return inverse.fit(rig.record(seed=seed).recording, simulate=rig.noise_free, reference=reference).estimate
 
 
 def _moves(poses: tuple[Move, ...]) -> dict[str, Any]:
