@@ -7,8 +7,10 @@
 #define PF_VERSION 1
 #define PF_FIRMWARE "0.1"
 
-#ifndef PF_BUFFER
-#define PF_BUFFER 512 /* values to play that are held, a power of two; 128 for 2 KiB of memory */
+#ifdef __AVR__
+#define PF_BUFFER 128 /* of 2 KiB of memory in all */
+#else
+#define PF_BUFFER 512 /* values to play that are held ahead; a power of two */
 #endif
 #define PF_PREFILL (PF_BUFFER / 2)
 
