@@ -162,6 +162,22 @@ def test_whether_an_estimate_is_possible_is_told():
     assert "more than chance explains" in far.sentence
 
 
+@pytest.mark.slow
+def test_the_optimum_is_proven_global_for_many_noise_realisations():
+    inside = 0
+    for seed in range(24):
+        columns, y = record(seed, *((TRUTH, 0.01) if seed % 2 else (EDGE, 0.2)))
+        data = compress(columns, y)
+        for constraints in ({}, link_constraints(LINKS)):
+            found = constrained_optimum(data, base_values, NAMES, LOWER, UPPER, constraints, seed=seed)
+            floor = certified_floor(data, base_values, NAMES, LOWER, UPPER, LINKS, found.cost, inside_links=bool(constraints))
+            assert floor.cost <= found.cost * (1 + 1e-12)
+            assert floor.gap < 1e-5, (seed, constraints.keys(), found.sentence)
+            assert found.kkt < 1e-6, (seed, found.sentence)
+            inside += found.inside
+    assert 5 < inside < 43  # both cases occur
+
+
 def test_wrong_input_is_told_in_a_sentence():
     data = compress(*record(0))
     with pytest.raises(ModelError, match="No point of the box satisfies m1 >= 1"):
