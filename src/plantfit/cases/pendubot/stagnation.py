@@ -10,8 +10,8 @@ from plantfit.cases.pendubot.study_runs import CLOSE, Floor, MethodRuns, refined
 from plantfit.problem import Problem
 
 REAL = 1e-7  # relative decrease of the cost that counts as an improvement
-ENDS = 12  # answers from which least squares goes on
-SAME = 1e-5  # relative gap of the RMSE that counts as reached
+ENDS = 6  # answers from which least squares goes on
+LEFT, NOTHING = 0.02, 1e-7  # share of a gap, and gap, that counts as closed
 ON_BOUND = 1e-9  # of the range
 
 
@@ -19,10 +19,9 @@ ON_BOUND = 1e-9  # of the range
 class Stagnation:
     """What the answers of one method have in common.
 
-    `distance`: median distance of the answers to the optimum, largest over the parameters, as a share of the bounds; `refined`: share of
-    ENDS answers, the worst among them, from which bounded least squares reaches the optimum; `last`: median share of the budget at the
-    last improvement; `weak`: median share of the excess misfit along the weaker half of the directions of the regressor; `on_bound`:
-    share of all coordinates that lie on a bound; `optimum_on_bound` that of the optimum's.
+    `distance`: median distance of the answers to the optimum, of the parameter farthest off, as a share of the bounds; `refined`: share
+    of the ENDS worst answers from which bounded least squares closes the gap; `last`: median share of the budget at the last improvement
+    by more than REAL; `on_bound`: share of all coordinates that lie on a bound; `optimum_on_bound` that of the optimum's.
     """
 
     distance: float
@@ -40,7 +39,7 @@ def stagnation(problem: Problem, floor: Floor, runs: MethodRuns, budget: int) ->
     last = [_last_improvement(r.history_evaluations, r.history_cost) / budget for r in runs.results]
     return Stagnation(
         distance=float(np.median(np.max(np.abs(x - best), axis=1))),
-        refined=float(np.mean(refined(problem, x[worst]) < floor.rmse * (1 + SAME))),
+        refined=float(np.mean(refined(problem, floor, x[worst]) < np.maximum(LEFT * runs.gap[worst], NOTHING))),
         last=float(np.median(last)),
         on_bound=float(np.mean((x < ON_BOUND) | (x > 1 - ON_BOUND))),
         optimum_on_bound=float(np.mean((best < 1e-6) | (best > 1 - 1e-6))),
@@ -71,10 +70,10 @@ def explained(runs: MethodRuns, found: Stagnation, longer: MethodRuns | None = N
 def _cause(found: Stagnation) -> str:
     if found.refined < 1:
         return (
-            f"From {100 * (1 - found.refined):.0f} % of its worst answers least squares does not reach the optimum either: "
+            f"From {100 * (1 - found.refined):.0f} % of its worst answers least squares does not close the gap either: "
             "there are other minima or corners of the bounds."
         )
-    reached = "No other minimum holds them: bounded least squares that begins at the worst answers reaches the optimum from each."
+    reached = "No other minimum holds them: bounded least squares that begins at the worst answers closes the gap from each."
     valley = (
         f"The answers lie {found.distance:.2f} of the bounds' width away from it (median; the parameter farthest off) "
         "at almost the same misfit: a flat valley."

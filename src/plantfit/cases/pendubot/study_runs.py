@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -114,11 +115,15 @@ def method_runs(
     return MethodRuns(method, name, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results))
 
 
-def refined(problem: Problem, points: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """RMSE (n,) where bounded least squares (scipy's trust region) ends that begins at cube points (n, d)."""
-    inside = np.clip(np.asarray(points), MARGIN, 1 - MARGIN)
-    found = [
-        least_squares(lambda z: problem.compressed(z)[0], z, lambda z: problem.compressed(z)[1], bounds=(0.0, 1.0), xtol=1e-14, ftol=1e-14)
-        for z in inside
-    ]
-    return np.array([np.sqrt(np.mean(f.fun**2)) for f in found])
+def refined(problem: Problem, floor: Floor, points: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Gap (n,) where bounded least squares (scipy's trust region) ends that begins at cube points (n, d)."""
+
+    @lru_cache(maxsize=2)
+    def at(z: bytes) -> tuple[np.ndarray, np.ndarray]:
+        [(residuals, jacobian)] = problem.compiled["blocks"](np.frombuffer(z), problem.arguments)
+        return np.asarray(residuals) / floor.rmse, np.asarray(jacobian) / floor.rmse
+
+    tight: Any = {"jac": lambda z: at(z.tobytes())[1], "xtol": 1e-15, "ftol": 1e-13, "gtol": 1e-15, "bounds": (0.0, 1.0), "max_nfev": 500}
+    inside = np.clip(np.asarray(points, dtype=float), MARGIN, 1 - MARGIN)
+    found = [least_squares(lambda z: at(z.tobytes())[0], z, **tight) for z in inside]
+    return np.array([np.sqrt(np.mean(f.fun**2)) - 1.0 for f in found])
