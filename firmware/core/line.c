@@ -95,16 +95,18 @@ void line_add_text(struct line_writer *writer, const char *text)
     for (; *text; text++) add(writer, *text);
 }
 
+/* By subtraction: small processors take 40 us for a division of 32 bits. */
 void line_add_unsigned(struct line_writer *writer, uint32_t value)
 {
-    char reversed[10];
-    uint8_t count = 0;
-    do {
-        reversed[count++] = digits[value % 10u];
-        value /= 10u;
-    } while (value);
+    static const uint32_t powers[10] = {1000000000u, 100000000u, 10000000u, 1000000u, 100000u, 10000u, 1000u, 100u, 10u, 1u};
+    bool begun = false;
     add(writer, ',');
-    while (count) add(writer, reversed[--count]);
+    for (uint8_t k = 0; k < 10; k++) {
+        char digit = '0';
+        for (; value >= powers[k]; value -= powers[k]) digit++;
+        begun = begun || digit != '0' || k == 9;
+        if (begun) add(writer, digit);
+    }
 }
 
 void line_add_integer(struct line_writer *writer, int32_t value)

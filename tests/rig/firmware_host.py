@@ -27,7 +27,7 @@ def running(program: Path, *words):
     process = subprocess.Popen([program, *map(str, words)], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
-        yield process.stdout.readline().strip()
+        yield next(line for line in process.stdout if line.startswith("/")).strip()
     finally:
         process.terminate()
         process.wait(10)

@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from firmware_host import FIRMWARE, build, read_truth, running
 
+from plantfit.recording import read_csv
+from plantfit.recording.excitation import prbs
+from plantfit.rig.board import record
 from plantfit.rig.board.protocol import Lines, decode, encode
 
 
@@ -145,3 +148,24 @@ def test_boards_compile(target, tmp_path):
         pytest.skip(f"{compiler} or its core is not on this machine: the firmware for {target} is not compiled")
     done = subprocess.run(["make", "-C", FIRMWARE, target, f"BUILD={tmp_path}"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_the_arduino_program_records_on_a_simulated_processor(tmp_path):
+    """The Uno's own binary in real time: every sample of 200 a second comes, and the PWM register follows the excitation."""
+    if shutil.which("avr-g++") is None or not os.path.isdir("/usr/include/simavr"):
+        pytest.skip("avr-g++ or simavr is not on this machine: the Arduino's program is not run")
+    subprocess.run(["make", "-C", FIRMWARE, "simavr", f"BUILD={tmp_path}"], check=True, capture_output=True, timeout=200)
+    excitation = prbs(8.0, 50, 4, hold=4, seed=1)
+    with running(tmp_path / "uno_simavr", tmp_path / "uno.elf", tmp_path / "truth") as port:
+        told = record(port, tmp_path / "run.csv", excitation)
+    assert told.complete
+    assert told.stopped
+    assert told.lost <= 0.02 * told.samples  # none where the simulation keeps up
+    got = read_csv(tmp_path / "run.csv")
+    steps = np.diff(got.t)
+    assert np.mean(steps) == pytest.approx(0.005, rel=1e-3)
+    assert np.std(steps) < 5e-4  # a sample waits while a command is read; its stamp says so
+    pwm = np.array([[int(v) for v in line.split(",")[1:]] for line in (tmp_path / "truth").read_text().split()])
+    assert set(pwm[:, 1]) == {0, 170 * 400 // 255}  # 8 V of 12 V
+    assert pwm[-1, 1] == 0

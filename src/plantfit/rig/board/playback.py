@@ -8,9 +8,8 @@ from plantfit.recording.sampling import signal_of, uniform_period
 from plantfit.rig.board.protocol import Board, encode
 from plantfit.units import convert
 
-_CHUNK = 16  # values in a line
 _RESEND_SECONDS = 0.08
-_MOST_LINES = 8  # in one go, so that the line to the board stays short
+_MOST_VALUES = 16  # in a line
 
 
 class Playback:
@@ -18,6 +17,8 @@ class Playback:
 
     def __init__(self, values: list[int], buffer: int):
         self.values, self._buffer = values, buffer
+        # a board with little memory also receives few bytes while it is busy: 128 values are an Arduino Uno's 64 bytes
+        self._chunk, self._lines = max(1, min(_MOST_VALUES, buffer // 32)), max(1, buffer // 128)
         self.session = self.want = self.sent = self.position = 0
         self._progress = 0.0
 
@@ -39,12 +40,12 @@ class Playback:
         """Lines to send now, perhaps none."""
         if self.sent > self.want and now - self._progress > _RESEND_SECONDS:
             self.sent, self._progress = self.want, now
-        stop = min(len(self.values), self.position + self._buffer, self.sent + _MOST_LINES * _CHUNK)
+        stop = min(len(self.values), self.position + self._buffer, self.want + self._lines * self._chunk)
         if self.sent == self.want:
             self._progress = now
         lines = []
-        while self.sent < stop and (stop - self.sent >= _CHUNK or stop == len(self.values)):
-            end = min(self.sent + _CHUNK, stop)
+        while self.sent < stop and (stop - self.sent >= self._chunk or stop == len(self.values)):
+            end = min(self.sent + self._chunk, stop)
             lines.append(encode("U", self.session, self.sent, *self.values[self.sent : end]))
             self.sent = end
         return b"".join(lines)
