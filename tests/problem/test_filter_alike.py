@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 import plantfit.recording as rec
-from plantfit.errors import RecordingError
+from plantfit.errors import RecordingError, SpecError
+from plantfit.fitting import fit
 from plantfit.models.model import Declared
 from plantfit.models.regression import LinearModel
 from plantfit.problem.filter_alike import filter_alike
+from plantfit.spec import load
 
 T = np.arange(4000) * 0.002
 TRUE = {"J": 0.05, "Fc": 0.2}
@@ -61,3 +63,45 @@ def test_what_cannot_be_filtered():
         filter_alike(model(), {"run": record()}, 5.0, drop=4.0)
     with pytest.raises(RecordingError, match="whole number"):
         filter_alike(model(), {"run": record()}, 5.0, every=0)
+
+
+STUDY = """
+name = "joint"
+
+[recording.run]
+file = "run.csv"
+time = "t"
+clean = [{{ step = "smooth_motion", signal = "position", velocity = "velocity", acceleration = "acceleration", cutoff = 60.0 }}]
+
+[model]
+{model}
+filter_alike = {{ cutoff = {cutoff}, every = 5 }}
+
+[search]
+seed = 1
+"""
+DRIVE = 'kind = "drive_regression"\n'
+
+
+def written(folder, model=DRIVE, cutoff=5.0):
+    x = -np.cos(9 * T) / 3 - np.cos(4 * T) / 4
+    v, a = 3 * np.sin(9 * T) + np.sin(4 * T), 27 * np.cos(9 * T) + 4 * np.cos(4 * T)
+    force = 80 * a + 150 * v + 30 * np.sign(v) - 4
+    np.savetxt(folder / "run.csv", np.stack([T, x, force], axis=1), delimiter=",", header="t,position,force", comments="")
+    path = folder / "study.toml"
+    path.write_text(STUDY.format(model=model, cutoff=cutoff))
+    return path
+
+
+def test_study_file_filters_alike(tmp_path):
+    study = load(written(tmp_path))
+    answer = fit(study.problem, seed=1)
+    assert answer.values == pytest.approx({"M": 80, "Fv": 150, "Fc": 30, "offset": -4}, rel=0.03)
+    assert "filtered alike" in study.problem.experiments["run"].recording.log[-1]
+
+
+def test_study_file_says_what_is_wrong(tmp_path):
+    with pytest.raises(RecordingError, match=r"study\.toml, \[model\] filter_alike: .*half the sampling rate"):
+        load(written(tmp_path, cutoff=500.0))
+    with pytest.raises(SpecError, match="filter_alike is for regressions"):
+        load(written(tmp_path, model='kind = "drive"\n'))

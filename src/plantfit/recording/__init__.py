@@ -6,6 +6,7 @@ from plantfit.recording.csv import read_csv
 from plantfit.recording.cutoff import Cutoff, cutoff_frequency
 from plantfit.recording.derivative import differentiate
 from plantfit.recording.description import ColumnSummary, Description, describe
+from plantfit.recording.differentiation import DerivativeError, compare_derivatives
 from plantfit.recording.filters import lowpass
 from plantfit.recording.gaps import fill_gaps
 from plantfit.recording.motion import smooth_motion
@@ -22,9 +23,11 @@ from plantfit.recording.write import to_csv
 __all__ = [
     "ColumnSummary",
     "Cutoff",
+    "DerivativeError",
     "Description",
     "Recording",
     "Signal",
+    "compare_derivatives",
     "convert_units",
     "cut",
     "cutoff_frequency",
