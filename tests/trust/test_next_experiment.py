@@ -46,11 +46,11 @@ def test_another_optimizer_finds_the_same():
 
 
 def test_units_of_the_parameters_do_not_matter():
-    scale = jnp.array([1.0, 1e-6, 1e5])
-    plain = d_optimal(parabola, free, (-np.ones(3), np.ones(3)), budget=1500, seed=2)
-    other = d_optimal(lambda d: parabola(d) * jnp.outer(scale, scale), free, (-np.ones(3), np.ones(3)), budget=1500, seed=2)
-    np.testing.assert_allclose(np.sort(other.design), np.sort(plain.design), atol=0.02)
-    assert other.log_det - plain.log_det == pytest.approx(2 * np.sum(np.log(np.asarray(scale))), abs=1e-3)
+    scale = np.array([1.0, 1e-6, 1e5])
+    found = d_optimal(lambda d: parabola(d) * np.outer(scale, scale), free, (-np.ones(3), np.ones(3)), budget=1500, seed=2)
+    np.testing.assert_allclose(np.sort(found.design), [-1, 0, 1], atol=0.02)
+    plain = np.linalg.slogdet(np.asarray(parabola(jnp.asarray(found.design))))[1]
+    assert found.log_det - plain == pytest.approx(2 * np.sum(np.log(scale)), abs=1e-6)
 
 
 def test_the_gain_is_what_monte_carlo_finds():
