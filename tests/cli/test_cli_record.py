@@ -23,7 +23,7 @@ from firmware_host import build, read_truth, running  # pyright: ignore[reportMi
 from plantfit.cli.live_plot import Traces, headline, sparkline
 from plantfit.recording import Recording, Signal, read_csv, to_csv
 from plantfit.recording.excitation import prbs
-from plantfit.rig.board import link, session
+from plantfit.rig.board import link, recorder
 from plantfit.rig.board.protocol import Board, Channel, Drive, Sample, encode
 from plantfit.rig.board.recorder import Progress
 
@@ -99,7 +99,7 @@ def test_a_full_disk_stops_the_motor_and_keeps_what_came(capsys, monkeypatch, pr
 
 
 def said_by(capsys, monkeypatch, tmp_path, port, *words):
-    monkeypatch.setattr(session, "GREET_SECONDS", 0.7)
+    monkeypatch.setattr(recorder, "GREET_SECONDS", 0.7)
     said = call(capsys, monkeypatch, "record", "--port", port, "--out", tmp_path / "run.csv", *words)
     assert said.err.count("\n") == 1
     assert not list(tmp_path.glob("run.csv*"))
@@ -206,7 +206,7 @@ def test_sparklines_and_traces():
     first, second = traces.lines(board)
     assert first.endswith("20 V")  # 40 * 0.5
     assert second.endswith("81 rad/s")
-    assert len(traces.slots) == 60
+    assert len(traces.slots) == 40
     assert None in traces.slots
     assert headline(p).startswith("10.0 s, 40 samples")
     assert "50 %" in headline(p)

@@ -9,7 +9,7 @@ from faulty_line import FaultyLine
 from firmware_host import SCALE, build, read_truth, running
 
 from plantfit.errors import BoardError, RecordingError
-from plantfit.recording import Recording, Signal, fill_gaps, read_csv
+from plantfit.recording import Recording, Signal, differentiate, fill_gaps, read_csv
 from plantfit.recording.excitation import prbs, staircase
 from plantfit.rig.board import record
 
@@ -82,6 +82,22 @@ def test_the_simulated_motor_obeys_its_equations(program, tmp_path):
         assert slope == pytest.approx(w, rel=0.01)
         assert 2 * np.pi / 500 / (np.median(r["pulse_period"][late]) * 1e-6) == pytest.approx(w, rel=0.02)  # 1 us of 83
         assert np.mean(r["current"][late]) == pytest.approx((V - K * slope) / R, abs=3e-3)
+
+
+def test_a_recording_gives_the_motor_back(program, tmp_path):
+    """R and K from V = R i + K w, by least squares over what was recorded, the first milliseconds after a step left out."""
+    with running(program, "--watchdog", 2000) as port:
+        record(port, tmp_path / "run.csv", prbs(9.0, 100, 2, hold=8, seed=5))
+    r = differentiate(read_csv(tmp_path / "run.csv"), "angle", "w")
+    V = 0.98 * np.roll(r["V"], 1)  # held while the sample's current flowed
+    changed = np.flatnonzero(np.diff(V))
+    settled = np.ones(len(V), dtype=bool)
+    for k in changed:
+        settled[max(0, k - 10) : k + 15] = False
+    settled &= np.isfinite(r["w"]) & (V != 0)
+    R, K = np.linalg.lstsq(np.stack([r["current"], r["w"]], axis=1)[settled], V[settled], rcond=None)[0]
+    assert pytest.approx(2.8, rel=0.02) == R
+    assert pytest.approx(0.025, rel=0.02) == K
 
 
 def faulty(program, folder, excitation, *, flip, drop, events):
@@ -202,6 +218,7 @@ def test_recording_without_an_excitation(program, tmp_path):
         told = record(port, tmp_path / "run.csv", duration=0.4, rate=200)
     r = read_csv(tmp_path / "run.csv")
     assert told.values == 0
+    assert told.complete
     assert np.all(r["V"] == 0)
     np.testing.assert_allclose(np.diff(r.t), 0.005, atol=1e-9)
 

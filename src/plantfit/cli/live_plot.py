@@ -7,7 +7,7 @@ from typing import Any
 
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 _SECONDS = 10.0
-_WIDTH = 60
+_WIDTH = 40  # fits a terminal of 80 columns with names and ranges
 
 
 def sparkline(values: list[float]) -> str:

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from plantfit.errors import BoardError
@@ -12,7 +13,7 @@ from plantfit.rig.board.part_file import PartFile, refuse_existing
 from plantfit.rig.board.playback import Playback, raw_values, timing
 from plantfit.rig.board.protocol import FINISHED, WATCHDOG, Board, Sample
 from plantfit.rig.board.rows import Rows
-from plantfit.rig.board.session import Session, greet_seconds
+from plantfit.rig.board.session import GREET_SECONDS, Session
 from plantfit.units import known
 
 BAUD = 1_000_000
@@ -99,13 +100,14 @@ def record(
     refuse_existing(Path(out), force)
     session = Session(port, baud)
     try:
-        board = session.connect(greet_seconds(again=False))
+        board = session.connect(GREET_SECONDS, stopping)
         divide, hold = timing(board, excitation, rate)
         _check_board(board, board.tick_hz / divide, baud)
         values = [] if excitation is None else raw_values(excitation, board)
         rows = Rows(board, divide / board.tick_hz)
         story = [f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a second."]
-        story += [] if excitation is None else [f"Played {excitation.name}: {line}" for line in excitation.log]
+        made = [] if excitation is None else takewhile(lambda line: not line.startswith("Read from"), excitation.log)
+        story += [f"Played: {line}" for line in made]
         file = PartFile(out, rows.header, story, force)
         run = _Run(session, rows, file, Playback(values, board.buffer), (divide, hold), reconnect, duration)
         return run.to_the_end(story, stopping, watch)
@@ -163,6 +165,7 @@ class _Run:
 
     def _start(self) -> None:
         """Start, or start again, where the excitation stands; a line that fails is left for the next round."""
+        self._take()  # what came before, so that nothing after the start is taken for it
         elapsed_from = self.came
         counter = self.session.start(*self.pace, self.playback)
         if counter is None:
@@ -170,7 +173,6 @@ class _Run:
         if self.rows.next is None:
             self.rows.begin(counter)
         elif self.restart:
-            self._take()
             self.file.add(self.rows.rebooted(counter, time.monotonic() - elapsed_from))
             self.restart = False
         self.came = time.monotonic()
@@ -185,7 +187,7 @@ class _Run:
         watchdog = self._take()
         if self.session.up and time.monotonic() - max(self.session.heard, self.came) > _STALL_SECONDS:
             return self.session.drop()
-        if watchdog or self.rows.next is None:
+        if watchdog or self.restart or self.rows.next is None:
             return self._start()
         self.session.feed()
         if self.duration is not None and self.rows.t >= self.duration:
@@ -199,9 +201,9 @@ class _Run:
             self.file.add(self.rows.take(sample))
             self.latest.append(sample)
             self.came = time.monotonic()
-            if sample.index >= 0:
-                self.playback.played(sample.index)
             current = (sample.counter - self.fresh) % 2**32 < 2**31  # made after the last start
+            if current and sample.index >= 0:
+                self.playback.played(sample.index)
             watchdog |= current and sample.state == WATCHDOG
             self.finished |= current and sample.state == FINISHED
         return watchdog
@@ -212,7 +214,7 @@ class _Run:
         until = self.came + self.reconnect
         while not stopping():
             try:
-                board = self.session.connect(greet_seconds(again=True))
+                board = self.session.connect(max(0.5, min(GREET_SECONDS, until - time.monotonic())), stopping)
                 break
             except BoardError as error:
                 if time.monotonic() > until:
@@ -232,7 +234,6 @@ class _Run:
         if before is not None and before.boot != board.boot:
             self.resets += 1
             self.restart = True
-            self._start()
 
     def _show(self, watch: Callable[[Progress], None] | None) -> None:
         now = time.monotonic()

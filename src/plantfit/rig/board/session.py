@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from collections.abc import Callable
 
 from plantfit.errors import BoardError
 from plantfit.rig.board import protocol
@@ -10,7 +11,6 @@ from plantfit.rig.board.playback import Playback
 from plantfit.rig.board.protocol import Board, Hello, Lines, Sample, encode
 
 GREET_SECONDS = 4.0  # boards that reset when the port opens need about two
-_REGREET_SECONDS = 1.0
 _REPEAT_SECONDS = 0.1
 _ALIVE_SECONDS = 0.05
 _PAUSE_SECONDS = 0.004  # between two looks at the port
@@ -39,8 +39,11 @@ class Session:
         """Whether the port is open and was good when last used."""
         return self._link is not None
 
-    def connect(self, seconds: float) -> Board:
-        """Open the port and greet the board. Raises BoardError where it cannot be opened, is silent, or speaks otherwise."""
+    def connect(self, seconds: float, stopping: Callable[[], bool] = lambda: False) -> Board:
+        """Open the port and greet the board, for up to `seconds` or until `stopping()`.
+
+        Raises BoardError where it cannot be opened, is silent, or speaks otherwise.
+        """
         self.drop()
         self._link = Link(self.port, self.baud)
         self._hello, self._held = Hello(), deque()
@@ -48,7 +51,7 @@ class Session:
         until, again = time.monotonic() + seconds, 0.0
         while (board := self._hello.board()) is None:
             now = time.monotonic()
-            if not self.up or now > until:
+            if not self.up or now > until or stopping():
                 self.drop()
                 raise BoardError(self._silence(self.lines.received - received, self.lines.good - good))
             if now > again:
@@ -154,8 +157,3 @@ class Session:
                 "choose the firmware's rate with --baud, or check that this is its port."
             )
         return f"The board on {self.port} answers but its hello does not come through; check the cable, or lower the baud on both sides."
-
-
-def greet_seconds(again: bool) -> float:
-    """How long to wait for a hello: at first, or when connecting again."""
-    return _REGREET_SECONDS if again else GREET_SECONDS
