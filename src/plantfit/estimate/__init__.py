@@ -1,19 +1,38 @@
-"""Parameters from regressions whose columns are themselves measured with errors, and what two estimates say of each other."""
+"""Parameters from regressions with errors in the regressor, states and parameters by Kalman filters, and what two estimates say."""
 
+from plantfit.estimate.beliefs import Beliefs, FilterRun, Track, smoothed
 from plantfit.estimate.comparison import Comparison, compare_estimates
+from plantfit.estimate.consistency import Consistency, nees, nees_test, nis_test
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.forward import estimate_at, free_start, windows
 from plantfit.estimate.instrumental import instrumental_variables
 from plantfit.estimate.inverse_dynamics import InverseDynamics, InverseFit
+from plantfit.estimate.kalman import ekf, kalman_filter, ukf
+from plantfit.estimate.maximum_likelihood import MaximumLikelihood, maximum_likelihood
+from plantfit.estimate.noise import Noise
 
 __all__ = [
+    "Beliefs",
     "Comparison",
+    "Consistency",
     "Estimate",
+    "FilterRun",
     "InverseDynamics",
     "InverseFit",
+    "MaximumLikelihood",
+    "Noise",
+    "Track",
     "compare_estimates",
+    "ekf",
     "estimate_at",
     "free_start",
     "instrumental_variables",
+    "kalman_filter",
+    "maximum_likelihood",
+    "nees",
+    "nees_test",
+    "nis_test",
+    "smoothed",
+    "ukf",
     "windows",
 ]
