@@ -36,9 +36,9 @@ def laws(r: Results) -> Section:
         gain = r.choice.gains.get(name)
         cross = float(np.sqrt(r.choice.means[name]))
         count = f"{len(law.values) + (len(law.law.grid) > 1)}" + (f" + {2 * len(r.runs)}" if law.zeros else "")
-        scores = [torque_over_all(law, r.runs)["both"], *(v.scores["both"] for v in made.values()), cross]
-        rows.append([name, count, *map(_mean, scores), "chosen" if gain is None else f"{1e3 * gain[0]:.2f} ± {1e3 * gain[1]:.2f}"])
-    columns = ["law", "parameters", "all runs", *(f"{n} left out" for n in r.runs), "left out", "behind the chosen, 1e-3 (N m)²"]
+        scores = [torque_over_all(law, r.runs)["both"], cross, *(v.scores["both"] for v in made.values())]
+        rows.append([name, count, *map(_mean, scores[:2]), "chosen" if gain is None else _gain(*gain), *map(_mean, scores[2:])])
+    columns = ["law", "parameters", "all runs", "left out", "behind, 1e-3 (N m)²", *r.runs]
     return {
         "title": "Which friction law",
         "sentences": [
@@ -46,6 +46,7 @@ def laws(r: Results) -> Section:
             "Widths, velocities and distances are fitted inside of every fold, so that the left-out run has no say in them.",
             "All runs: fitted to all, encoder zeros too where the law has them (two more parameters for each run). A law with more terms "
             "fits all runs a little better and may still lose on an unseen one. With five runs the standard error of a gain is rough.",
+            "Behind: the mean square of the runs left out, above that of the chosen law; last the runs left out one by one.",
             "Load: friction per torque through the gear, which a law without load, fitted first, estimates. Presliding: Dahl's state for "
             "the sign of the velocity. Encoder zeros: two angles of each fitted run, nuisances; an unseen run is taken as recorded.",
         ],
@@ -67,7 +68,7 @@ def left_out(r: Results) -> Section:
         "title": "Runs left out, against the published models",
         "sentences": [
             "Ours is fitted to the other four runs. The published models are scored as their authors filter: motion first, then the law.",
-            "Filtering torque and columns alike helps the published models too, and is most of the gain; the rest is the law.",
+            "Filtering torque and columns alike helps the published models too; the rest of the gain is the law and its fit.",
         ],
         "tables": [{"caption": "Torque RMSE [N m]", "columns": columns, "rows": rows}],
         "figures": [{"figure": _torque_figure(r), "label": f"Measured and predicted torque of both joints in run {DRAWN}, left out."}],
@@ -108,8 +109,8 @@ def parameters(r: Results) -> Section:
 def forward(r: Results) -> Section:
     """Angles from torques over short windows."""
     who = ("ours", *PUBLISHED)
-    rows = [[n, *(_mean(r.angles[w][n][j], 4) for j in ("joint 1", "joint 2", "both") for w in who)] for n in r.runs]
-    columns = ["run", *(f"{j}, {w}" for j in ("joint 1", "joint 2", "both") for w in who)]
+    rows = [[n, *(_mean(r.angles[w][n][j], 4) for j in ("both", "joint 1", "joint 2") for w in who)] for n in r.runs]
+    columns = ["run", *(f"{j}, {w}" for j in ("both", "joint 1", "joint 2") for w in who)]
     worse = [n for n in r.runs if r.angles["ours"][n]["both"] > min(r.angles[m][n]["both"] for m in PUBLISHED)]
     sentences = [
         "Simulated from the recorded torques; every 0.5 s the simulation begins anew at the measured angles and rates. Ours are the "
@@ -118,8 +119,8 @@ def forward(r: Results) -> Section:
     ]
     if worse:
         sentences.append(
-            f"In {', '.join(worse)} a published model follows better. Its published friction is larger, which there is most of the "
-            "difference: the torque of all runs, which ours explains better, hardly weighs what these angles add up."
+            f"In {', '.join(worse)} a published model follows better, though its torque is worse there: the torque of all runs hardly "
+            "weighs what these angles add up. docs/demos.md says what was tried."
         )
     return {
         "title": "Forward simulation over 0.5 s",
@@ -216,3 +217,7 @@ def _two_panels(lines: list[tuple[np.ndarray, np.ndarray, np.ndarray, str]], wha
 
 def _mean(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}f}"
+
+
+def _gain(mean: float, error: float) -> str:
+    return f"{1e3 * mean:.2f} ± {1e3 * error:.2f}"
