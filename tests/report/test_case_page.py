@@ -35,6 +35,7 @@ def test_everything_stands_on_the_page_and_is_escaped():
     assert '<a href="fit.html">fit.html</a>' in text
     assert text.count("<section id=") == 3
     assert "1000 runs" in text
+    assert "<h3>Costs</h3>" in text
 
 
 def test_chromium_draws_the_figure_of_a_case(tmp_path):

@@ -12,9 +12,16 @@ from plantfit.trust.words import number, span
 
 
 def cross_check_section(
-    inverse: InverseFit, forward: ForwardFit, truth: Mapping[str, float] | None = None, shown: str = "virtual rig"
+    inverse: InverseFit,
+    forward: ForwardFit,
+    truth: Mapping[str, float] | None = None,
+    shown: str = "virtual rig",
+    stretch: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
-    """Sentences and a table about b1, b2, b4, b5 by three fits; `truth` where known, `shown` says which data these are."""
+    """Sentences and a table about b1, b2, b4, b5 by three fits; `truth` where known, `shown` says which data these are.
+
+    `stretch` (s) is the part of the record that the forward fit saw, None for all of it.
+    """
     compared = cross_check(inverse.estimate, forward.estimate)
     ratio = forward.estimate.standard_error / inverse.estimate.standard_error
     sentences = [
@@ -32,6 +39,8 @@ def cross_check_section(
         columns.append("Truth")
         rows = [[*row, f"{truth[name]:.6g}"] for row, name in zip(rows, BASE_UNITS, strict=True)]
     note = "Inverse fit: instrumental variables. Chi-squared has one degree of freedom a row and counts both fits as independent."
+    if stretch is not None:
+        note += f" The forward fit saw {stretch[0]:g} to {stretch[1]:g} s of the record only; the whole study (--full) gives it all."
     return {
         "title": f"Backwards and forwards ({shown})",
         "sentences": sentences,
