@@ -25,7 +25,7 @@ from plantfit.recording import Recording, Signal, read_csv, to_csv
 from plantfit.recording.excitation import prbs
 from plantfit.rig.board import link, recorder
 from plantfit.rig.board.protocol import Board, Channel, Drive, Sample, encode
-from plantfit.rig.board.recorder import Progress
+from plantfit.rig.board.recorded import Progress
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +175,31 @@ def test_another_version(capsys, monkeypatch, tmp_path, serial_line):
     stop()
     assert code == 13
     assert "speaks version 2" in err
+
+
+@pytest.mark.parametrize(
+    ("ticks", "drive", "words"),
+    [
+        (0, ("V", "V", "0.05", 255), "0 ticks a second"),
+        (1000, ("V", "V", "0", 255), "scale 0"),
+        (1000, ("V", "zorkmid", "0.05", 255), "'zorkmid'"),
+        (1000, ("motor voltage", "V", "0.05", 255), "a plain name"),
+        (1000, ("V", "V", "much", 255), "which the protocol does not know"),
+    ],
+)
+def test_a_board_that_declares_nonsense(capsys, monkeypatch, tmp_path, serial_line, ticks, drive, words):
+    stop = answering(serial_line[0], encode("H", 1, "odd", "1", 7, ticks, 300, 512, 0) + encode("A", *drive))
+    code, err = said_by(capsys, monkeypatch, tmp_path, serial_line[1])
+    stop()
+    assert code == 13
+    assert words in err
+
+
+@pytest.mark.parametrize("option", ["--rate", "--duration", "--baud"])
+def test_numbers_that_cannot_be(capsys, monkeypatch, tmp_path, option):
+    code, err = said_by(capsys, monkeypatch, tmp_path, "/dev/null", option, "0")
+    assert code == 3
+    assert "above 0" in err
 
 
 def test_nothing_is_overwritten(capsys, monkeypatch, tmp_path):

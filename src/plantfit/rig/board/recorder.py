@@ -1,17 +1,19 @@
 """Record from a board: play an excitation, keep every sample, mark what is missing, stop the motor whatever happens."""
 
+import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
-from plantfit.errors import BoardError
+from plantfit.errors import BoardError, RecordingError
+from plantfit.recording.columns import identifier
 from plantfit.recording.record import Recording
 from plantfit.rig.board.part_file import PartFile, refuse_existing
 from plantfit.rig.board.playback import Playback, raw_values, timing
 from plantfit.rig.board.protocol import FINISHED, WATCHDOG, Board, Sample
+from plantfit.rig.board.recorded import Progress, Recorded
 from plantfit.rig.board.rows import Rows
 from plantfit.rig.board.session import GREET_SECONDS, Session
 from plantfit.units import known
@@ -20,57 +22,6 @@ BAUD = 1_000_000
 _STALL_SECONDS = 0.5  # without a good line, after which the port is opened again
 _RETRY_SECONDS = 0.2
 _WATCH_SECONDS = 0.25
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a recording stands. `latest` are samples since the last call, `connected` is False while the port is away."""
-
-    board: Board
-    seconds: float
-    samples: int
-    lost: int
-    garbled: int
-    reconnects: int
-    connected: bool
-    played: int
-    values: int
-    latest: tuple[Sample, ...]
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """What a recording came to.
-
-    `samples` came, `lost` did not, in `gaps` stretches. `garbled` lines had a wrong checksum here,
-    `refused` ones on the board. `dropped`: samples for which the board found no room on the line.
-    `starved`: times the values to play came too late. `watchdogs`: times the board stopped the motor
-    because this machine was silent. `stopped`: the board acknowledged the last stop. `played` of
-    `values` were applied.
-    """
-
-    path: Path
-    board: Board
-    seconds: float
-    samples: int
-    lost: int
-    gaps: int
-    garbled: int
-    refused: int
-    dropped: int
-    starved: int
-    watchdogs: int
-    reconnects: int
-    resets: int
-    stopped: bool
-    played: int
-    values: int
-    log: tuple[str, ...]
-
-    @property
-    def complete(self) -> bool:
-        """Whether the whole excitation was played."""
-        return self.played == self.values
 
 
 def record(
@@ -97,12 +48,16 @@ def record(
     counter, and gap: 1 in rows whose sample did not come, empty else. Rows are on disk within a
     second, in OUT.part until the end. Raises BoardError, RecordingError, MissingExtra.
     """
+    for name, value in (("rate", rate), ("duration", duration), ("baud", baud), ("reconnect", reconnect)):
+        if value is not None and not value > 0:
+            raise RecordingError(f"record: {name} is {value:g}; give a number above 0.")
     refuse_existing(Path(out), force)
     session = Session(port, baud)
     try:
         board = session.connect(GREET_SECONDS, stopping)
+        _check_board(board)
         divide, hold = timing(board, excitation, rate)
-        _check_board(board, board.tick_hz / divide, baud)
+        _check_load(board, board.tick_hz / divide, baud)
         values = [] if excitation is None else raw_values(excitation, board)
         rows = Rows(board, divide / board.tick_hz)
         story = [f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a second."]
@@ -271,16 +226,30 @@ class _Run:
         )  # fmt: skip
 
 
-def _check_board(board: Board, rate: float, baud: int) -> None:
+def _check_board(board: Board) -> None:
+    """Raise BoardError for a board whose declarations cannot become a recording."""
+    if min(board.tick_hz, board.buffer, board.drive.limit) <= 0:
+        raise BoardError(
+            f"Board {board.name!r} declares {board.tick_hz} ticks a second, a buffer of {board.buffer} values and a drive limit of "
+            f"{board.drive.limit}; all must be above 0: correct its firmware."
+        )
     for part in (board.drive, *board.channels):
-        if part.unit and not known(part.unit):
+        if (
+            not (math.isfinite(part.scale) and part.scale != 0)
+            or identifier(part.name) != part.name
+            or (part.unit and not known(part.unit))
+        ):
             raise BoardError(
-                f"The board declares {part.name!r} in the unknown unit {part.unit!r}; correct it in the firmware's board file."
+                f"Board {board.name!r} declares {part.name!r} in {part.unit!r} with scale {part.scale:g}; a plain name, a known unit and a "
+                "scale other than 0 are needed: correct its firmware."
             )
+
+
+def _check_load(board: Board, rate: float, baud: int) -> None:
+    """Raise BoardError where the line is too slow for `rate` samples a second."""
     bits = 10 * rate * (38 + 6 * len(board.channels))  # a line of usual length, ten bits a byte
     if bits > baud:
-        most = baud / bits * rate
         raise BoardError(
             f"{rate:g} samples a second need about {bits:.0f} baud and the port runs at {baud}; "
-            f"choose --rate up to {most:.0f} or a higher --baud."
+            f"choose --rate up to {baud / bits * rate:.0f} or a higher --baud."
         )
