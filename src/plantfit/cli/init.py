@@ -63,6 +63,7 @@ seed = 1
 def init(file: str, place: str | None, force: bool, json: bool) -> None:
     """Write a study file beside a recording (or at `place`)."""
     from plantfit import recording as rec
+    from plantfit.rig.board.rows import BOOKKEEPING
 
     found = rec.describe(file)
     source = Path(file)
@@ -70,7 +71,9 @@ def init(file: str, place: str | None, force: bool, json: bool) -> None:
     target = Path(place) if place else source.with_name(f"{name}.toml")
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
-    numbers = [c for c in found.columns if c.kind == "number" and c.minimum is not None and c.maximum is not None and c.minimum < c.maximum]
+    recorded = {*BOOKKEEPING} <= {c.name for c in found.columns}  # by `plantfit record`
+    signals = [c for c in found.columns if not (recorded and c.name in BOOKKEEPING)]
+    numbers = [c for c in signals if c.kind == "number" and c.minimum is not None and c.maximum is not None and c.minimum < c.maximum]
     if len(numbers) < 2:
         raise RecordingError(
             f"{source.name}: a study needs an input and an output, two columns of changing numbers beside the time; "

@@ -3,6 +3,7 @@
 from plantfit.rig.board.protocol import Board, Sample
 
 _WRAP = 2**32
+BOOKKEEPING = ("counter", "gap")  # columns beside the signals
 MOST_ROWS = 100_000  # of one gap; a longer one is a single row
 
 
@@ -12,7 +13,7 @@ class Rows:
     def __init__(self, board: Board, period: float):
         self.board, self.period = board, period  # seconds between two samples
         named = [f"{c.name} [{c.unit}]" if c.unit else c.name for c in (board.drive, *board.channels)]
-        self.header = ",".join(["t [s]", *named, "counter", "gap"])
+        self.header = ",".join(["t [s]", *named, *BOOKKEEPING])
         self.next: int | None = None  # counter that is expected
         self.t = -period  # of the last row
         self.received = self.lost = self.gaps = 0
