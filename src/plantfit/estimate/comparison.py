@@ -54,10 +54,11 @@ def compare_estimates(first: Estimate, second: Estimate, labels: tuple[str, str]
     p = float(stats.chi2.sf(statistic, degrees)) if degrees else 1.0
     worst = int(np.argmax(chi))
     name, base = first.names[worst], abs(float(second.values[worst]))
-    share = f"{100.0 * difference[worst] / base:+.2g} %" if base > 0 else f"{difference[worst]:+.3g}"
+    share = f"{float(f'{100.0 * difference[worst] / base:.2g}'):+g} %" if base > 0 else f"{difference[worst]:+.3g}"
     verdict = "differs" if p < SURE else "does not differ"
+    said = f"p = {p:.2g}" if p > 0 else "p below 1e-300"
     sentence = (
-        f"{labels[0][:1].upper()}{labels[0][1:]} {verdict} from {labels[1]} by more than chance (p = {p:.2g}), "
+        f"{labels[0][:1].upper()}{labels[0][1:]} {verdict} from {labels[1]} by more than chance ({said}), "
         f"most in {name}: {share}, {np.sqrt(chi[worst]):.1f} standard errors of the difference."
     )
     return Comparison(first.names, difference, covariance, chi, p_values, statistic, degrees, p, paired, sentence)

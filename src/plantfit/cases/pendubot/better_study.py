@@ -10,7 +10,6 @@ from plantfit.cases.pendubot.experiment_section import experiment_section
 from plantfit.cases.pendubot.identifiability_section import identifiability_section
 from plantfit.cases.pendubot.torque import torque_record
 from plantfit.cases.stages import stages
-from plantfit.fitting import Answer
 from plantfit.models.pendubot_terms import base_values
 from plantfit.recording import cut
 from plantfit.rig import PendubotRig
@@ -20,8 +19,8 @@ STRETCH = (4.5, 13.0)  # s, with the first two moves, for the forward fit of the
 PARTS = ("instrumental variables", "forward fit", "what the record determines", "controllers", "next experiment")
 
 
-def better_study(answer: Answer, progress: Callable[[Any], None] | None = None, full: bool = False) -> list[dict[str, Any]]:
-    """Sections of the page; `answer` is a fit of the six parameters, `full` looks longer for the next experiment."""
+def better_study(progress: Callable[[Any], None] | None = None, full: bool = False) -> list[dict[str, Any]]:
+    """Sections of the page; `full` looks longer for the next experiment."""
     begins = stages(PARTS, progress)
     rig = PendubotRig()
     made = torque_record(seed=SEED, weights=rig.weights)
@@ -31,7 +30,7 @@ def better_study(answer: Answer, progress: Callable[[Any], None] | None = None, 
     begins("forward fit")
     forward = forward_fit(made.run.recording if full else cut(made.run.recording, *STRETCH))
     begins("what the record determines")
-    told = identifiability_section(made.recording, answer.values, inverse.estimate, truth)
+    told = identifiability_section(made.recording, estimate=inverse.estimate, truth=truth)
     begins("controllers")
     held = control_section(inverse.estimate.named, truth)
     begins("next experiment")

@@ -32,7 +32,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         [answer],
         [file],
         subtitle="The paper's three metaheuristics, each run many times, against the optimum that least squares finds at once.",
-        sections=[*study.sections[:-1], *better_study(answer, progress, full), study.sections[-1]],
+        sections=[*study.sections[:-1], *better_study(progress, full), study.sections[-1]],
     )
 
 

@@ -25,7 +25,7 @@ from plantfit.trust import (
     openings,
     regression_covariance,
 )
-from plantfit.trust.words import number
+from plantfit.trust.words import number, span
 
 import jax.numpy as jnp
 
@@ -35,7 +35,7 @@ ADDED = (0.05, 0.25)  # a known mass in kg, and its place in m from joint 2
 
 def identifiability_section(
     recording: Recording,
-    answer: Mapping[str, float],
+    answer: Mapping[str, float] | None = None,
     estimate: Estimate | None = None,
     truth: Mapping[str, float] | None = None,
     lengths: tuple[float, float] = LINKS,
@@ -44,9 +44,10 @@ def identifiability_section(
 ) -> dict[str, Any]:
     """Sentences, tables and figures about the six parameters of a pendubot.
 
-    `recording` has the signals of `pendubot_regression` and tau1 (N m); `answer` are m1, m2, lc1, lc2, I1, I2 of a fit, from
-    which the flat curves start; `estimate` an unbiased one of b1, b2, b4, b5 beside plain least squares; `truth` the true
-    b's where known; `lengths` of the links in m. `shown` says in the title which data these are.
+    `recording` has the signals of `pendubot_regression` and tau1 (N m); `answer` are the m1, m2, lc1, lc2, I1, I2 from
+    which the flat curves start, by default a possible body nearest to the estimate; `estimate` an unbiased one of
+    b1, b2, b4, b5 beside plain least squares; `truth` the true b's where known; `lengths` of the links in m. `shown` says
+    in the title which data these are.
     """
     l1, l2 = lengths
     model = pendubot_regression(l1=l1, g=g)
@@ -57,17 +58,20 @@ def identifiability_section(
     plain, *_ = np.linalg.lstsq(columns, torque)
     spread = regression_covariance([RegressionPart(columns, torque - columns @ plain)])
     best, best_spread = (plain, spread) if estimate is None else (estimate.values, estimate.covariance)
-    point = np.array([answer[n] for n in names])
+    links = [LinkNames(f"m{k}", f"lc{k}", f"I{k}", length) for k, length in ((1, lengths[0]), (2, lengths[1]))]
+    possible = nearest_possible(best, best_spread, model.coefficient_values, names, low, high, link_constraints(links))
+    point = np.array([(possible.nearest.values if answer is None else answer)[n] for n in names])
     curves = flat_curves(found, point)
     picked = [labels.index(n) for n in found.labels]
     opened = openings(found, best_spread[np.ix_(picked, picked)], point, candidates(l1, l2, g))
     sentences = [
-        f"{found.sentence[:-1]}, wherever in the box the parameters lie (rank at {len(found.rank_at)} random points: "
-        f"{found.rank_at.min()} to {found.rank_at.max()}).",
+        f"{found.sentence[:-1]}, wherever in the box the parameters lie (rank {span(found.rank_at.tolist(), None)} at "
+        f"{len(found.rank_at)} random points).",
         _both_joints(recording, names, low, high, lengths, g),
+        possible.sentence,
         *(c.sentence for c in curves),
     ]
-    floor_sentences, floor_table = _floor(columns, torque, model, names, low, high, lengths, best, best_spread)
+    floor_sentences, floor_table = _floor(columns, torque, model, names, low, high, links)
     return {
         "title": f"What the torque determines ({shown})",
         "sentences": [*sentences, *floor_sentences, *opened.sentences],
@@ -140,10 +144,9 @@ def _base_table(found: Combinations, plain: np.ndarray, spread: np.ndarray, esti
 
 
 def _floor(
-    columns: np.ndarray, torque: np.ndarray, model: Any, names: Any, low: Any, high: Any, lengths: Any, best: Any, spread: Any
+    columns: np.ndarray, torque: np.ndarray, model: Any, names: Any, low: Any, high: Any, links: Sequence[LinkNames]
 ) -> tuple[list[str], dict[str, Any]]:
-    """The constrained optima, proven, and whether the estimate is that of a real body."""
-    links = [LinkNames(f"m{k}", f"lc{k}", f"I{k}", length) for k, length in ((1, lengths[0]), (2, lengths[1]))]
+    """The constrained optima, proven."""
     data, rows, sentences = compress(columns, torque), [], []
     for what, constraints in (("bounds", {}), ("bounds and feasibility", link_constraints(links))):
         optimum = constrained_optimum(data, model.coefficient_values, names, low, high, constraints)
@@ -153,11 +156,10 @@ def _floor(
         rows.append(
             [what, f"{optimum.rmse:.9g}", f"{100 * (optimum.rmse / np.sqrt(optimum.free_cost) - 1):.3g} %", pressed, f"{optimum.kkt:.0e}"]
         )
-    possible = nearest_possible(best, spread, model.coefficient_values, names, low, high, link_constraints(links))
     caption = "The floor that every optimizer is compared to"
     table = {
         "caption": caption,
         "columns": ["Within", "RMSE [N m]", "Above least squares", "What presses", "First-order residual"],
         "rows": rows,
     }
-    return [*sentences, possible.sentence], table
+    return sentences, table
