@@ -160,7 +160,9 @@ class _Run:
             if current and sample.index >= 0:
                 self.playback.played(sample.index)
             watchdog |= current and sample.state == WATCHDOG
-            self.finished |= current and sample.state == FINISHED
+            if current and sample.state == FINISHED:
+                self.finished = True
+                self.playback.played(len(self.playback.values) - 1)  # also those whose samples were lost
         return watchdog
 
     def _connect_again(self, stopping: Callable[[], bool]) -> None:
