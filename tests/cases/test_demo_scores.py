@@ -72,3 +72,19 @@ def test_emps_free_run_and_closed_loop(records):
     assert value(record, "free run: position RMSE, unseen quarter") < 6.0
     assert value(record, "closed loop: controller output RMSE, unseen half") < 0.08
     assert record["answers"][2].values["M"] == pytest.approx(95.1, abs=1.0)
+
+
+def test_emps_filters_likelihood_and_regression_agree_within_their_intervals(records):
+    record = records("emps")
+    table = record["sections"][0]["tables"][0]
+    assert [row[0] for row in table["rows"]] == [
+        "force regression",
+        "maximum likelihood",
+        "extended Kalman filter",
+        "unscented Kalman filter",
+    ]
+    for column in range(1, 5):
+        low, high = zip(*(map(float, row[column].split("(")[1].rstrip(")").split(" to ")) for row in table["rows"]), strict=True)
+        assert max(low) <= min(high), table["columns"][column]
+        assert all(h - lo < 0.2 * abs(h + lo) for lo, h in zip(low, high, strict=True))
+    assert any("agree within their 95 % intervals" in s for s in record["sentences"])

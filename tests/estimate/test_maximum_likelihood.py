@@ -31,7 +31,7 @@ def test_the_likelihood_is_that_of_the_textbook_filter(motor, likelihood):
     z = np.random.default_rng(1).uniform(0.2, 0.8, likelihood.space.dimension)
     named = dict(zip(likelihood.space.names, np.asarray(likelihood.space.physical(z)), strict=True))
     process, measurement = ({n: named[f"{kind} {n}"] for n in ("i", "w")} for kind in ("process", "measurement"))
-    record = motor.experiments["recording"].recording
+    record = motor.experiments["run"].recording
     total = plants.numpy_filter(record, named, process, measurement)[2]
     assert float(likelihood.value(z, likelihood.records(motor))) == pytest.approx(-total, rel=1e-9)
 
@@ -81,14 +81,14 @@ def test_a_nonlinear_model_by_both_filters():
     for name, value in truth.items():
         low, high = extended.interval[name]
         assert low * 0.8 < value < high * 1.2
-        assert high < 3 * low
+        assert high < 4 * low
     # both filters follow this mild tank alike
     assert np.all(np.abs(spread.estimate.values - extended.estimate.values) < 0.2 * extended.estimate.standard_error)
     assert "log-likelihood" in extended.sentence
 
 
 def test_a_bound_and_a_flat_direction_are_named(motor):
-    held = Problem(plants.robot_motor(), motor.experiments["recording"].recording, {"Ra": (3.5, 6.0), "La": 1.12e-2, "J": 2.27e-8})
+    held = Problem(plants.robot_motor(), motor.experiments["run"].recording, {"Ra": (3.5, 6.0), "La": 1.12e-2, "J": 2.27e-8})
     found = maximum_likelihood(held, plants.NOISE, budget=90)
     assert found.at_bound == ("Ra",)
     assert found.estimate.named["Ra"] == pytest.approx(3.5)

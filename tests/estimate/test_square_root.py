@@ -10,10 +10,10 @@ from plantfit.estimate.square_root import cholesky, sampled_noise_root, triangul
 import jax
 
 
-@pytest.mark.parametrize(("m", "k"), [(1, 1), (3, 7), (6, 6), (5, 3)])
+@pytest.mark.parametrize(("m", "k"), [(1, 1), (6, 9), (5, 3)])
 def test_triangular_keeps_the_product_of_rows(m, k):
     rows = np.random.default_rng(m).standard_normal((m, k)) * 10.0 ** np.arange(m)[:, None]
-    lower = np.asarray(triangular(rows))
+    lower = np.asarray(jax.jit(triangular)(rows))
     assert np.array_equal(lower, np.tril(lower))
     scale = np.linalg.norm(rows, axis=1)
     assert np.max(np.abs(lower @ lower.T - rows @ rows.T) / np.outer(scale, scale)) < 1e-14
@@ -21,10 +21,10 @@ def test_triangular_keeps_the_product_of_rows(m, k):
 
 def test_rows_that_say_nothing_new_leave_zeros():
     rows = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
-    lower = np.asarray(triangular(rows))
+    lower = np.asarray(jax.jit(triangular)(rows))
     assert lower[1, 1] == lower[2, 2] == 0.0
     assert np.allclose(lower @ lower.T, rows @ rows.T, atol=1e-14)
-    assert np.all(np.isfinite(jax.jacfwd(triangular)(rows)))
+    assert np.all(np.isfinite(jax.jit(jax.jacfwd(triangular))(rows)))
 
 
 def test_cholesky_and_whitening_agree_with_numpy():

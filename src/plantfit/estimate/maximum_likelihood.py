@@ -16,8 +16,8 @@ from plantfit.estimate.noise import Level, Noise
 from plantfit.estimate.state_space import Record
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective
+from plantfit.problem.long_run import prewhitened_long_run
 from plantfit.problem.problem import Problem
-from plantfit.trust.covariance import prewhitened_long_run
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +31,8 @@ Kind = Literal["sandwich", "hessian"]
 @dataclass(frozen=True, eq=False)
 class MaximumLikelihood:
     """`estimate` of the problem's free parameters, then the free noise levels "process x" and "measurement y", in their units.
+
+    With one recording its influences are there, numbered by the samples that have a measurement.
 
     `interval` gives 95 % intervals, symmetric on each parameter's scale. `noise` has the levels found, for a filter; `parameters`
     are the problem's alone. `at_bound` names what leans against its box: held there, with no standard error. `gradient` is the
@@ -98,7 +100,8 @@ def maximised(
     free = ~_leaning(z, slope)
     inverse = np.zeros((len(z), len(z)))
     inverse[np.ix_(free, free)] = _inverse(hessian[np.ix_(free, free)], [n for n, f in zip(space.names, free, strict=True) if f])
-    scores = [np.asarray(s) for s in likelihood.scores(z, records)]
+    # rows without a measurement say nothing, and their zeros would hide how the others are correlated
+    scores = [s[np.any(s != 0.0, axis=1)] for s in map(np.asarray, likelihood.scores(z, records))]
     spread = inverse
     if covariance == "sandwich":
         spread = sum(prewhitened_long_run(s @ inverse, np.arange(len(s))) for s in scores)
@@ -109,7 +112,7 @@ def maximised(
     tangent = np.where(space.log, values * scale, scale)
     sd = np.sqrt(np.diag(spread)) * 1.959963984540054
     low, high = (np.asarray(space.physical(z + k * sd)) for k in (-1, 1))
-    one = len(records) == 1 and len(scores[0]) == len(records[0].y)
+    one = len(records) == 1
     estimate = Estimate(
         space.names,
         values,
@@ -158,6 +161,8 @@ def _polished(likelihood: Innovations, records: tuple[Record, ...], z: np.ndarra
 
     value, slope = at(z)
     hessian = np.asarray(likelihood.hessian(z, records))
+    if not np.all(np.isfinite(hessian)):
+        raise SearchError("The likelihood has no second derivatives where the search ended; give some process noise or other starts.")
     for _ in range(NEWTON_STEPS):
         free = ~_leaning(z, slope)
         step = np.zeros_like(z)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 
 NOTHING = 1e-14  # share of a row's own length below which what is left of it counts as rounding
+LEAST = 1e-100  # variance below which a direction counts as known exactly; its derivatives would overflow
 DOUBLINGS = 12  # of the step of process noise: |eigenvalue| x step up to 1000
 
 
@@ -32,7 +33,7 @@ def triangular(rows: Any) -> Any:
 def _unit(row: Any, power: Any) -> tuple[Any, Any]:
     """A row over its length, and the length; zeros where hardly anything is left of it."""
     left = jnp.sum(row * row)
-    some = left > NOTHING**2 * power
+    some = left > jnp.maximum(NOTHING**2 * power, LEAST)
     length = jnp.sqrt(jnp.where(some, left, 1.0))
     return jnp.where(some, row / length, 0.0), jnp.where(some, length, 0.0)
 
@@ -43,7 +44,7 @@ def cholesky(matrix: Any) -> Any:
     columns = []
     for i in range(n):
         pivot = matrix[i, i]
-        some = pivot > NOTHING * own[i]
+        some = pivot > jnp.maximum(NOTHING * own[i], LEAST)
         root = jnp.sqrt(jnp.where(some, pivot, 1.0))
         column = jnp.where(some, matrix[:, i] / root, 0.0)
         column = jnp.concatenate([jnp.zeros(i), column[i:]])

@@ -1,4 +1,4 @@
-"""Three ways to the parameters of one drive: force regression, free run, closed loop."""
+"""Ways to the parameters of one drive: force regression, free run, closed loop; Kalman filters and maximum likelihood."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.cases.emps import kalman
 from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file, part, residual, rms
 from plantfit.cases.record import figure, record
@@ -21,7 +22,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     folder = unpack("emps", folder)
     files = [folder / name for name in ("force.toml", "free_run.toml", "closed_loop.toml")]
     force, free, closed = (fit_file(file, progress) for file in files)
-    figures = [*_regression(force), *_free_run(free, force), *_closed_loop(closed)]
+    estimates = kalman.estimate(closed, force)
+    figures = [*_regression(force), *_free_run(free, force), *_closed_loop(closed), *_kalman(estimates)]
     sentences = [
         "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s are a hard test.",
         "In closed loop the position follows its reference whatever the model, so the controller output is what is scored.",
@@ -29,8 +31,22 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         "Force regression, free run and closed loop in turn give "
         + "; ".join(f"{n} {', '.join(f'{a.values[n]:.4g}' for a in (force, free, closed))} {UNITS[n]}" for n in REGRESSED)
         + ".",
+        "Regression, maximum likelihood, extended and unscented Kalman filter agree within their 95 % intervals."
+        if not (differ := kalman.apart(estimates))
+        else "These 95 % intervals do not meet: " + " ".join(differ),
     ]
-    return record("emps", "Linear drive with friction, three ways", figures, sentences, [force, free, closed], files)
+    sections = [kalman.section(estimates, UNITS)]
+    return record("emps", "Linear drive with friction", figures, sentences, [force, free, closed], files, sections)
+
+
+def _kalman(estimates: kalman.Estimates) -> list[dict[str, Any]]:
+    short = {"maximum likelihood": "maximum likelihood", "extended Kalman filter": "EKF", "unscented Kalman filter": "UKF"}
+    own = estimates.intervals
+    return [
+        figure(f"{short[m]}: {n}", own[m][n][1], UNITS[n], own["force regression"][n][1], "force regression above")
+        for m in short
+        for n in REGRESSED
+    ]
 
 
 def _regression(answer: Answer) -> list[dict[str, Any]]:
