@@ -12,6 +12,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
+from plantfit.estimate.estimate import Estimate
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
@@ -21,6 +22,7 @@ from plantfit.report import summary_text, write_report
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 from plantfit.trust.assess import EDGE, assess
+from plantfit.trust.local import linearise
 
 REWEIGHTED = 3  # rounds of re-estimating the scale of every output
 
@@ -204,3 +206,9 @@ def _local(problem: Problem, x: np.ndarray, seed: int) -> np.ndarray:
 def _at(problem: Problem, result: RunResult, x: np.ndarray) -> RunResult:
     """A run's answer with its cost on the refined problem; its history keeps the costs it was made with."""
     return dataclasses.replace(result, x=x, cost=float(problem.costs(x[None, :])[0]))
+
+
+def estimate_at(problem: Problem, z: np.ndarray, names: Sequence[str]) -> Estimate:
+    """The parameters `names` at the cube point z (d,), with the covariance that all others being free leaves them."""
+    local, at = linearise(problem, z), [problem.space.names.index(n) for n in names]
+    return Estimate(tuple(names), local.values[at], local.covariance[np.ix_(at, at)])

@@ -6,7 +6,8 @@ from scipy.optimize import least_squares
 
 import plantfit as pf
 from plantfit.errors import ModelError, RecordingError
-from plantfit.estimate import estimate_at, free_start, windows
+from plantfit.estimate import free_start, windows
+from plantfit.fitting import estimate_at
 from plantfit.optimize import minimise
 from plantfit.study import objective_of
 

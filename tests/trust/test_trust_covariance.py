@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from plantfit.problem.long_run import bandwidth, first_correlation, long_run, prewhitened_long_run
 from plantfit.trust import covariance, flat_directions
-from plantfit.trust.covariance import Block, bandwidth, first_correlation, long_run, prewhitened_long_run
+from plantfit.trust.covariance import Block
 
 
 def regression(seed, n=400, rho=0.0, noise=1.0):

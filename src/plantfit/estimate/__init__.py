@@ -4,7 +4,7 @@ from plantfit.estimate.beliefs import Beliefs, FilterRun, Track, smoothed
 from plantfit.estimate.comparison import Comparison, compare_estimates
 from plantfit.estimate.consistency import Consistency, nees, nees_test, nis_test
 from plantfit.estimate.estimate import Estimate
-from plantfit.estimate.forward import estimate_at, free_start, windows
+from plantfit.estimate.forward import free_start, windows
 from plantfit.estimate.instrumental import instrumental_variables
 from plantfit.estimate.inverse_dynamics import InverseDynamics, InverseFit
 from plantfit.estimate.kalman import ekf, kalman_filter, ukf
@@ -24,7 +24,6 @@ __all__ = [
     "Track",
     "compare_estimates",
     "ekf",
-    "estimate_at",
     "free_start",
     "instrumental_variables",
     "kalman_filter",

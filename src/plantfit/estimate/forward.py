@@ -2,17 +2,14 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from plantfit.errors import ModelError, RecordingError
-from plantfit.estimate.estimate import Estimate
 from plantfit.models.model import Declared, Model, Named
-from plantfit.problem.problem import Problem
 from plantfit.recording.parts import cut
 from plantfit.recording.record import Recording
-from plantfit.trust.local import linearise
 
 
 def windows(recording: Recording, length: float) -> dict[str, Recording]:
@@ -46,9 +43,3 @@ def free_start(model: Model, spread: Mapping[str, float]) -> Model:
 
     added = (Declared(f"{n}_start", model.states[n], (-s, s), sentence=f"added to {n} at the first sample") for n, s in spread.items())
     return dataclasses.replace(model, parameters=(*model.parameters, *added), initial_state=initial_state)
-
-
-def estimate_at(problem: Problem, z: np.ndarray, names: Sequence[str]) -> Estimate:
-    """The parameters `names` at the cube point z (d,), with the covariance that all others being free leaves them."""
-    local, at = linearise(problem, z), [problem.space.names.index(n) for n in names]
-    return Estimate(tuple(names), local.values[at], local.covariance[np.ix_(at, at)])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.trust.covariance import prewhitened_long_run
+from plantfit.problem.long_run import prewhitened_long_run
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,10 @@ from plantfit.estimate import (
     InverseDynamics,
     InverseFit,
     compare_estimates,
-    estimate_at,
     free_start,
     windows,
 )
-from plantfit.fitting import gauss_newton
+from plantfit.fitting import estimate_at, gauss_newton
 from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
 from plantfit.models.pendubot_terms import BASE_UNITS, base_values
 from plantfit.problem import Problem
