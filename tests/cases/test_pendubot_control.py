@@ -59,8 +59,8 @@ def test_how_far_each_catches(designs):
 def lean_that_any_voltage_could_catch(plant):
     """Of the linear plant: a linear program over all voltages, on its two modes that run away."""
     rates, left = np.linalg.eig(plant.A.T)
-    away = rates.real > 0
-    rates, left = rates[away].real, left[:, away].T.real
+    away = np.real(rates) > 0
+    rates, left = np.real(rates[away]), np.real(left[:, away].T)
     h, pushed = 2e-3, (left @ plant.B)[:, 0]
     t = np.arange(0.0, 2.0, h)
     modes = np.array([b * np.exp(-r * t) * -np.expm1(-r * h) / r for b, r in zip(pushed, rates, strict=True)])
