@@ -23,7 +23,8 @@ from plantfit.study.plan import Plan, default_budget
 
 CLEANING = (
     "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
-    "smooth_motion", "presliding", "decimate", "cut", "shift_time",
+    "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
+    "period_to_speed", "moving_rms", "odometry",
 )  # fmt: skip
 
 

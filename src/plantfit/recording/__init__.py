@@ -7,12 +7,16 @@ from plantfit.recording.cutoff import Cutoff, cutoff_frequency
 from plantfit.recording.derivative import differentiate
 from plantfit.recording.description import ColumnSummary, Description, describe
 from plantfit.recording.differentiation import DerivativeError, compare_derivatives
+from plantfit.recording.encoder import counts_to_angle, counts_to_speed, period_to_speed
 from plantfit.recording.filters import lowpass
 from plantfit.recording.gaps import fill_gaps
 from plantfit.recording.motion import smooth_motion
+from plantfit.recording.moving_rms import moving_rms
+from plantfit.recording.odometry import odometry
 from plantfit.recording.outliers import drop_outliers
 from plantfit.recording.parts import cut, shift_time, split
 from plantfit.recording.presliding import presliding
+from plantfit.recording.pwm import duty_to_voltage
 from plantfit.recording.readers import read
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.resampling import decimate, resample
@@ -29,6 +33,8 @@ __all__ = [
     "Signal",
     "compare_derivatives",
     "convert_units",
+    "counts_to_angle",
+    "counts_to_speed",
     "cut",
     "cutoff_frequency",
     "decimate",
@@ -36,11 +42,15 @@ __all__ = [
     "detrend",
     "differentiate",
     "drop_outliers",
+    "duty_to_voltage",
     "fill_gaps",
     "from_arrays",
     "from_frame",
     "lowpass",
+    "moving_rms",
+    "odometry",
     "period_of",
+    "period_to_speed",
     "presliding",
     "read",
     "read_csv",

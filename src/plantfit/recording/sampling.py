@@ -43,6 +43,13 @@ def with_signal(recording: Recording, name: str, values: np.ndarray, unit: str |
     return Recording(recording.t, signals, recording.name, (*recording.log, sentence))
 
 
+def with_new(recording: Recording, name: str, values: np.ndarray, unit: str | None, sentence: str, step: str) -> Recording:
+    """`with_signal` for a signal that must not be there yet; raises RecordingError in the name of `step`."""
+    if name in recording.signals:
+        raise RecordingError(f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name, or rename that one.")
+    return with_signal(recording, name, values, unit, sentence)
+
+
 def by_stretch(values: np.ndarray, shortest: int, function: Callable[[np.ndarray, slice], np.ndarray]) -> np.ndarray:
     """`function(values[part], part)` on every stretch without NaN of at least `shortest` samples; NaN elsewhere."""
     result = np.full(values.shape, np.nan)
