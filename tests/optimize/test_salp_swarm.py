@@ -30,11 +30,13 @@ def test_followers_move_one_after_another(n, leaders):
     np.testing.assert_allclose(follow(jnp.asarray(x), leaders), chain, rtol=0, atol=5e-16)
 
 
-@pytest.mark.parametrize("variant", ["published", "paper"])
+@pytest.mark.parametrize(
+    ("variant", "share", "leaders"), [("published", 0.5, 5), ("paper", 0.5, 1), ("published", 0.0, 1), ("published", 1.0, N)]
+)
 @pytest.mark.parametrize("low", [-5.0, 0.0, 2.5])
-def test_generation_in_units(variant, low):
+def test_generation_in_units(variant, share, leaders, low):
     """One generation against the equations in raw coordinates, with the same random numbers."""
-    method = SalpSwarm(population=N, variant=variant)
+    method = SalpSwarm(population=N, variant=variant, leaders=share)
     lb, ub = np.full(D, low), low + np.array([10.0, 1.0, 4.0])
     state = method.init(jax.random.key(0), Facts(D, BUDGET, lb, ub))
     x, state = method.ask(jax.random.key(1), state)
@@ -43,7 +45,7 @@ def test_generation_in_units(variant, low):
     salps, food = lb + np.asarray(x) * (ub - lb), lb + np.asarray(x)[int(jnp.argmin(f))] * (ub - lb)
     key = jax.random.key(2)
     moved, _ = jax.jit(method.ask)(key, state)
-    leaders, l = (1, 1) if variant == "paper" else (N // 2, 2)  # noqa: E741
+    l = 1 if variant == "paper" else 2  # noqa: E741
     c1 = 2 * np.exp(-((4 * l / (BUDGET // N)) ** 2))
     c2, c3 = np.asarray(jax.random.uniform(key, (2, leaders, D)))
     for i in range(N):

@@ -1,11 +1,12 @@
 """Salp swarm algorithm: as published, as in the paper, and without its dependence on where the box lies."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Facts, Info, Needs
-from plantfit.optimize.settings import choice, integer
+from plantfit.optimize.settings import choice, integer, number
 
 import jax
 import jax.numpy as jnp
@@ -57,6 +58,8 @@ class SalpSwarm:
     ends at 1e-11 in every box; its clipped jumps still leave 11 % of the final coordinates on a bound on noise. Castelli,
     Manzoni, Mariot, Nobile and Tangherloni 2022 (Expert Systems with Applications 189:116029) describe these flaws; use
     another method unless a result must be replicated. Parameters searched on a log scale are taken as linear.
+    `leaders` is the share of the chain that leads, at least one salp: half in the authors' program, varied by Aljarah, Mafarja,
+    Heidari, Faris, Zhang and Mirjalili 2018 (Applied Soft Computing 71:964). "paper" has one leader whatever it says.
     """
 
     needs: ClassVar[Needs] = Needs(schedule_bound=True, raw_box=True, minimum_population=2)
@@ -66,6 +69,7 @@ class SalpSwarm:
         ("published", "paper", "shift_invariant"),
         "published: the authors' program; paper: the printed equations; shift_invariant: jumps do not depend on where the box lies",
     )
+    leaders: float = number(0.5, 0.0, 1.0, "share of the chain that leads, at least one salp; not in variant paper, which has one")
 
     def __post_init__(self) -> None:
         if self.variant == "shift_invariant":
@@ -90,7 +94,7 @@ class SalpSwarm:
 
     def _move(self, key: Array, state: Chain) -> Array:
         paper = self.variant == "paper"
-        leaders = 1 if paper else self.population // 2
+        leaders = 1 if paper else max(1, math.floor(self.leaders * self.population))
         count = state.generation if paper else state.generation + 1
         c1 = 2 * jnp.exp(-((4 * count / state.horizon) ** 2))  # eq. 3.2
         c2, c3 = jax.random.uniform(key, (2, leaders, len(state.food)))
