@@ -1,0 +1,110 @@
+"""The virtual motor bench: exact to a tight solver, its sensors true to closed forms."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import plantfit.recording as rec
+from plantfit.errors import SimulationError
+from plantfit.rig.dc_motor import ROBOT_MOTOR, DcMotorRig
+from plantfit.rig.encoder import capture
+
+RIG = DcMotorRig()
+RUN = RIG.record(seed=3)
+PULSE = 2 * np.pi * RIG.ratio / RIG.pulses  # of the motor, rad
+
+
+def test_the_exact_motion_agrees_with_a_tight_solver():
+    p, volts = ROBOT_MOTOR, RUN.exact["V"][0]
+    rate = lambda _, x: [(volts - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"], (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"], x[1]]  # noqa: E731
+    t = RUN.exact.t[:100]
+    x = solve_ivp(rate, (0, t[-1]), [0, 0, 0], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=t).y
+    np.testing.assert_allclose(RUN.exact["i"][:100], x[0], atol=1e-8)
+    np.testing.assert_allclose(RUN.exact["w"][:100], x[1], atol=1e-5)
+    np.testing.assert_allclose(RUN.exact["angle"][:100], x[2], atol=1e-5)
+    settled = volts * p["Kt"] / (p["Rm"] * p["Cm"] + p["Kb"] * p["Kt"])
+    assert RUN.exact["w"][-1] == pytest.approx(settled, rel=1e-9)
+    assert RUN.exact["I"][-1] == pytest.approx(p["Cm"] * settled / p["Kt"], rel=1e-9)
+
+
+def test_friction_and_load_stop_at_the_closed_form_speed():
+    p = ROBOT_MOTOR | {"Tf": 5e-5}
+    w = DcMotorRig(p, load=2e-4).record(1).exact
+    volts = w["V"][-1]
+    settled = (volts * p["Kt"] / p["Rm"] - 2e-4 - p["Tf"]) / (p["Cm"] + p["Kt"] * p["Kb"] / p["Rm"])
+    assert w["w"][-1] == pytest.approx(settled, rel=1e-6)
+
+
+def test_the_bridge_gives_whole_counts_that_cleaning_turns_back_into_volts():
+    t = np.arange(500) * 2e-3
+    wave = rec.Recording(t, {"V": rec.Signal(5 * np.sin(20 * t), "V")})
+    run = RIG.record(1, wave)
+    assert np.all(run.recording["duty"] == np.round(run.recording["duty"]))
+    back = rec.duty_to_voltage(run.recording, "duty", "V", RIG.supply, 255, 8, RIG.efficiency)["V"]
+    np.testing.assert_allclose(back, run.exact["V"], atol=1e-12)
+    held = 5 * np.sin(20 * (np.floor(run.exact.t / 2e-3 + 1e-6) * 2e-3))
+    assert np.max(np.abs(back - held)) <= RIG.volts_per_count / 2 + 1e-12
+    assert np.min(run.exact["w"]) < -500
+    assert np.min(run.recording["I"]) >= 0  # a meter of RMS hides the sign
+
+
+def test_speed_from_the_period_errs_as_timer_and_slots_say():
+    late = RUN.exact.t > 0.1
+    true = RUN.exact["w"][-1]
+    even = DcMotorRig(slot_error=0.0).record(3)
+    timer = rec.period_to_speed(even.recording, "Tp", "w", RIG.pulses, RIG.ratio)["w"][late]
+    length = PULSE / true
+    assert np.max(np.abs(PULSE / timer - length)) <= RIG.tick * 1.0001
+    assert np.mean(PULSE / timer) == pytest.approx(length, abs=RIG.tick / 20)
+    rounding = length % RIG.tick * (RIG.tick - length % RIG.tick)
+    spread = np.mean([np.var(RIG.record(seed).recording["Tp"][late]) for seed in range(10)])
+    assert np.sqrt(spread) == pytest.approx(np.sqrt(2 * (RIG.slot_error * length) ** 2 + rounding), rel=0.04)
+    exact = DcMotorRig(slot_error=0.0, tick=0.0).record(3).recording
+    np.testing.assert_allclose(rec.period_to_speed(exact, "Tp", "w", RIG.pulses, RIG.ratio)["w"][late], true, rtol=1e-6)
+
+
+def test_counts_are_the_angle_in_whole_pulses():
+    even = DcMotorRig(slot_error=0.0).record(3)
+    error = even.recording["N"] - even.exact["angle"] / PULSE - even.truth["encoder_phase_slots"]
+    assert -1 - 1e-6 <= error.min() <= error.max() <= 1e-6
+
+
+def test_pulses_of_a_shaft_that_turns_back_are_taken_off_and_a_rest_times_out():
+    t = np.linspace(0, 1.0, 100_001)
+    angle = 0.5 + 2.0 * np.sin(3 * t)  # turns back at t = pi/6
+    seen = capture(t, angle, t[::100], 100, np.zeros(100), 0.0, 0.05)
+    np.testing.assert_array_equal(seen.counts, np.floor(angle[::100] * 100 / (2 * np.pi)) - np.floor(angle[0] * 100 / (2 * np.pi)))
+    turn = np.abs(t[::100] - np.pi / 6) < 0.005
+    assert np.all(np.abs(seen.period[turn]) > 0.01)
+    moving = (np.abs(np.cos(3 * t[::100])) > 0.5) & (t[::100] > 0.1)
+    period = seen.period[moving]  # mean speed of up to two periods ago, under at most 18 rad/s^2
+    assert np.all(np.abs(2 * np.pi / 100 / period - 6 * np.cos(3 * t[::100])[moving]) < 18 * 2 * np.abs(period))
+    rest = capture(t, np.where(t < 0.5, 10 * t, 5.0), t[::100], 100, np.zeros(100), 0.0, 0.05)
+    assert np.all(rest.period[t[::100] > 0.56] == 0.05)
+    none = capture(t, np.full(len(t), 0.1), t[::100], 100, np.zeros(100), 0.0, 0.05)
+    assert np.all(none.counts == 0)
+    assert np.all(none.period == 0.05)
+
+
+def test_the_current_is_read_over_its_window_with_noise_in_steps():
+    run = RUN
+    error = (run.recording["I"] - run.exact["I"])[run.exact["I"] > 0.02]
+    assert np.std(error) == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(12)), rel=0.1)
+    steps = run.recording["I"] / 1e-3
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    t = np.linspace(0, 1e-3, 2001)
+    i = np.interp(t + 3e-3, run.exact.t, run.exact["i"])  # coarse: 4 ms lies behind a smooth stretch
+    assert run.exact["I"][4] == pytest.approx(np.sqrt(np.mean(i**2)), rel=0.03)
+
+
+def test_a_seed_gives_the_same_run_and_impossible_settings_are_refused():
+    again, other = RIG.record(seed=3), RIG.record(seed=4)
+    for name in RUN.recording.signals:
+        assert np.array_equal(again.recording[name], RUN.recording[name])
+    assert not np.array_equal(other.recording["Tp"], RUN.recording["Tp"])
+    with pytest.raises(SimulationError, match=r"the bridge gives 11\.76 V"):
+        RIG.record(1, 12.0)
+    with pytest.raises(SimulationError, match="'Rm'"):
+        DcMotorRig({})
+    with pytest.raises(SimulationError, match="efficiency is 98"):
+        DcMotorRig(efficiency=98)
