@@ -18,6 +18,7 @@ from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem, split
 from plantfit.problem.filter_alike import filter_alike
+from plantfit.recording.unmeasured import unmeasured
 from plantfit.space import Parameter
 from plantfit.study.plan import Plan, default_budget
 
@@ -64,6 +65,7 @@ class RecordingTable(_Table):
     skip: float = Field(0.0, ge=0)
     before: dict[str, float] = {}
     steady: bool = False
+    unmeasured: list[str] = []
     clean: list[dict[str, Any]] = []
     sort: bool = False
 
@@ -318,7 +320,7 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
             raise SpecError(
                 f"{path.name}: recording.{name}.clean[{i}] ({kind}): {str(error).removeprefix(f'{kind}() ')}; see docs/recordings.md."
             ) from None
-    return record
+    return unmeasured(record, r.unmeasured) if r.unmeasured else record
 
 
 def _experiment(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:

@@ -49,7 +49,7 @@ def _step_error(problem: Problem, z: np.ndarray) -> float:
         np.full(len(y), max(float(np.std(y)), 1e-300) / problem.scales[output])
         for name in problem.data["drive"]
         for output in problem.outputs
-        if (y := problem.data["measured"][name][output]) is not None
+        if len(y := problem.data["measured"][name][output])
     ]
     return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
 

@@ -186,6 +186,8 @@ def _noise_rows(findings: Findings) -> Iterator[Row]:
             if part.sum() < 20:
                 continue
             residual = (np.array(o["measured"], dtype=float) - np.array(o["simulated"], dtype=float))[part]
+            if not np.any(np.isfinite(residual)):
+                continue  # not measured in this recording
             noise, rms = white_part(residual), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
