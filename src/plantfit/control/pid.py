@@ -27,6 +27,21 @@ class Gains(NamedTuple):
     filter_time: Any = 0.0
 
 
+class Settings(NamedTuple):
+    """What a `pid` is apart from its gains: arguments of that function, checked by `checked`."""
+
+    period: float
+    lower: float
+    upper: float
+    anti_windup: str
+    tracking_time: float | None
+
+    @property
+    def follow(self) -> float:
+        """Share of the excess that back-calculation takes off the integral in a sample, else 0."""
+        return self.period / self.tracking_time if self.tracking_time is not None else 0.0
+
+
 class PidState(NamedTuple):
     """Integral part, filtered derivative part (both in command units), last error and last c r - y."""
 
@@ -58,8 +73,7 @@ def pid(
     anti-windup: section 8.5); Astrom, Hagglund, Advanced PID Control, section 3.5 (conditional integration).
     Raises SimulationError for a period, limits or anti-windup that cannot work.
     """
-    _check(period, lower, upper, anti_windup, tracking_time)
-    follow = period / tracking_time if tracking_time is not None else 0.0
+    follow = checked(Settings(period, lower, upper, anti_windup, tracking_time)).follow
 
     def init(measurement, gains):
         zero = jnp.zeros_like(measurement)
@@ -83,7 +97,9 @@ def pid(
     return Controller(init, update)
 
 
-def _check(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> None:
+def checked(settings: Settings) -> Settings:
+    """The settings themselves; raises SimulationError as `pid`."""
+    period, lower, upper, anti_windup, tracking_time = settings
     if not (math.isfinite(period) and period > 0):
         raise SimulationError(f"The PID's period is {period}; give seconds above 0.")
     if not lower < upper:
@@ -94,3 +110,4 @@ def _check(period: float, lower: float, upper: float, anti_windup: str, tracking
         raise SimulationError("tracking_time belongs to anti_windup = 'back-calculation'; give both or neither.")
     if tracking_time is not None and not (math.isfinite(tracking_time) and tracking_time >= period):
         raise SimulationError(f"tracking_time = {tracking_time}; give seconds, at least one period ({period:g} s).")
+    return settings

@@ -21,6 +21,7 @@ class Rules(NamedTuple):
     """One rule for each operating point: "if the premise is about centre i, the plant is model i and its gain is gain i"."""
 
     centres: Any  # (r,), increasing
+    premise: Any  # (p,), 1 for the output that is the premise, else 0
     gains: Any  # (r, m, n)
     estimators: Estimator  # every array with a leading axis (r,)
     x0: Any  # (n,), held without a reference
@@ -71,8 +72,9 @@ def takagi_sugeno(
     chosen = [fitting(plant, period, one) for plant, one in zip(plants, given, strict=True)]
     together = jax.tree.map(lambda *arrays: jnp.stack(arrays), *chosen)
     low, high = (jnp.asarray(a) for a in limits_of(limits, first.inputs))
-    parameters = Rules(jnp.asarray(centres), jnp.asarray(gains), together, jnp.asarray(first.x0), jnp.asarray(first.u0), low, high)
-    return Design(_blended(first.outputs, first.inputs, first.states, place), parameters, first, float(period))
+    chosen_output, held = jnp.eye(len(first.outputs))[place], (jnp.asarray(first.x0), jnp.asarray(first.u0))
+    parameters = Rules(jnp.asarray(centres), chosen_output, jnp.asarray(gains), together, *held, low, high)
+    return Design(_blended(first.outputs, first.inputs, first.states), parameters, first, float(period))
 
 
 def memberships(value: Any, centres: Any) -> Any:
@@ -80,16 +82,16 @@ def memberships(value: Any, centres: Any) -> Any:
     return jax.vmap(lambda top: jnp.interp(value, centres, top))(jnp.eye(centres.shape[0]))
 
 
-def _blended(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple[str, ...], place: int) -> Controller:
+def _blended(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple[str, ...]) -> Controller:
     def init(measurement, parameters):
         y = stacked(measurement, outputs)
         begun = jax.vmap(lambda e: e.begin(y))(parameters.estimators)
-        return memberships(y[place], parameters.centres) @ begun, jnp.broadcast_to(parameters.u0, (len(inputs),))
+        return memberships(parameters.premise @ y, parameters.centres) @ begun, jnp.broadcast_to(parameters.u0, (len(inputs),))
 
     def update(state, measurement, reference, parameters):
         x, u = state
         y = stacked(measurement, outputs)
-        share = memberships(y[place], parameters.centres)
+        share = memberships(parameters.premise @ y, parameters.centres)
         x = share @ jax.vmap(lambda e: e.corrected(x, y, u))(parameters.estimators)
         error = x - followed(reference, states, parameters.x0, inputs)
         wanted = followed(reference, inputs, parameters.u0, states) - jnp.einsum("r,rmn,n->m", share, parameters.gains, error)
