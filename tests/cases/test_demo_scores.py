@@ -53,6 +53,16 @@ def test_gearmotor_predicts_the_static_curve_it_never_saw(records):
     assert 0.30 < value(record, "dead zone, predicted edge") < 0.335
 
 
+def test_gearmotor_follows_prbs_and_static_curve_with_one_set_of_parameters(records):
+    record = records("gearmotor")
+    assert value(record, "both records: RMSE on the unseen half, after 3 s, mean error removed") < 5.38
+    static = value(record, "both records: static curve, -5 to 5 V, RMSE")
+    assert static < 16.0  # 38 is 5 % of full scale
+    weights = record["answers"][1].problem.scales
+    assert weights["y"] == pytest.approx(value(record, "both records: RMSE on the fitted half of the PRBS"), rel=0.01)
+    assert weights["settled"] == pytest.approx(static, rel=0.01)
+
+
 def test_tanks_unseen_quarter(records):
     record = records("tanks")
     assert value(record, "RMSE on the fitted three quarters") < 0.23

@@ -1,4 +1,4 @@
-"""Fit the first half of the PRBS record, score the second, predict the static curve."""
+"""Fit the first half of the PRBS record, score the second, predict the static curve; then fit both together."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,19 +8,20 @@ import numpy as np
 
 from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file, part, residual, rms
+from plantfit.cases.gearmotor.joint import SETTLING, joint_figures, joint_sentence
 from plantfit.cases.gearmotor.steady import steady_speed
 from plantfit.cases.record import figure, record
 from plantfit.fitting import Answer
 from plantfit.recording import read
 
-SETTLING = 3.0  # s at the start of the second half that the reference leaves out as well
 LINEAR = "first-order model with dead time about the mean, same halves"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
     """See `plantfit.cases.registry.demos`."""
     file = unpack("gearmotor", folder) / "gearmotor.toml"
-    answer = fit_file(file, progress)
+    both = file.with_name("static_and_prbs.toml")
+    answer, joint = fit_file(file, progress), fit_file(both, progress)
     error, seen, unseen = residual(answer, "y"), part(answer, "fit"), part(answer, "validation")
     settled = unseen & (answer.problem.experiments["prbs"].recording.t >= _start(answer, unseen) + SETTLING)
     low, high = _range(answer)
@@ -31,6 +32,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         figure("RMSE on the unseen half, nothing removed", rms(error[unseen]), "deg/s"),
         figure("mean error on the unseen half after 3 s", float(np.mean(error[settled])), "deg/s"),
         *static,
+        *joint_figures(joint),
     ]
     sentences = [
         "The state runs on into the unseen half; the score there leaves out 3 s and the mean error, as the reference does.",
@@ -39,8 +41,9 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
             "constant parameters do not follow."
         ),
         f"The record holds only {low:.2f} to {high:.2f} V; the static curve up to 5 V is an extrapolation with the same parameters.",
+        joint_sentence(joint),
     ]
-    return record("gearmotor", "Geared DC motor on a PRBS", figures, sentences, [answer], [file])
+    return record("gearmotor", "Geared DC motor on a PRBS", figures, sentences, [answer, joint], [file, both])
 
 
 def static_curve(path: Path, values: dict[str, float], low: float, high: float) -> list[dict[str, Any]]:
