@@ -8,7 +8,7 @@ Run = Callable[..., dict[str, Any]]
 
 _SENTENCES = {
     "pendubot": "A pendubot on a virtual rig: PSO, genetic algorithm and salp swarm a thousand times, and the optimum that was missed.",
-    "gearmotor": "A slow geared DC motor: friction, PWM drive and dead time from one PRBS record, then the static curve, predicted and fitted with it.",
+    "gearmotor": "A slow geared DC motor: friction, PWM drive and dead time from a PRBS; its static curve predicted, then fitted with it.",
     "tanks": "Two tanks in series with overflow: an upper level that nobody measured, and the unseen last quarter predicted.",
     "emps": "A linear drive with friction: force regression, free run from the measured force, and the closed loop.",
     "double_pendulum": "A real double pendulum: torque of both joints, a friction law chosen by runs left out, angles simulated from it.",
