@@ -1,0 +1,137 @@
+"""What the page of the robot's motor shows."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.cases.robot.speed_loop import ENCODERS, SET_POINT, UPPER, fitness, response
+from plantfit.control import StepMetrics
+from plantfit.fitting import Answer
+from plantfit.optimize import RunResult
+from plantfit.report.figures import style
+from plantfit.report.figures.style import Figure
+
+PAPER_GAINS = np.array([19.102365736574, 0.000859285929, 0.025063706371])
+LOOKS = (*style.SERIES, style.INK, style.MUTED)
+
+
+def identified_section(answer: Answer, truth: Mapping[str, float]) -> dict[str, Any]:
+    """Constants beside the truth of the bench."""
+    rows = []
+    for found in answer.findings["parameters"]:
+        name = found["name"]
+        inside = "yes" if found["low"] <= truth[name] <= found["high"] else "no"
+        said = [found["value"], found["low"], found["high"], truth[name]]
+        rows.append([name, found["unit"], *(f"{v:.5g}" for v in said), inside])
+    missed = [row for row in rows if row[-1] == "no"]
+    names = " and ".join(row[0] for row in missed)
+    worst = max((abs(float(row[2]) / float(row[5]) - 1) for row in missed), default=0.0)
+    outside = [
+        f"{names} lie outside of their intervals, at most {100 * worst:.1f} % off: both sensors look back (the RMS over its window, the "
+        "period over one to two pulses), and the model of the fit does not."
+    ] if missed else []  # fmt: skip
+    columns = ["constant", "unit", "value", "95 % from", "to", "truth of the bench (the paper's result)", "inside"]
+    return {
+        "title": "The motor identified",
+        "sentences": ["3 V from rest: RMS current and the period of the encoder's pulses, with the faults of both sensors.", *outside],
+        "tables": [{"caption": "Constants of the motor", "columns": columns, "rows": rows}],
+    }
+
+
+def search_section(ga: Sequence[RunResult], long: Mapping[str, RunResult], short: Mapping[str, list[RunResult]]) -> dict[str, Any]:
+    """Fitness against evaluations, and who reaches the best GA's end with a hundredth of its closed loops."""
+    elite = min(ga, key=lambda r: r.cost)
+    whole = {**{f"elite_ga, run {k + 1}": r for k, r in enumerate(ga)}, **long}
+    spent = [[n, f"{r.cost:.6f}", f"{r.evaluations:.0f}", f"{_when(r, elite.cost)}", f"{r.seconds:.1f}"]
+             + [f"{g:.4g}" for g in r.x * UPPER] for n, r in whole.items()]  # fmt: skip
+    few = []
+    for n, runs in short.items():
+        costs = np.array([r.cost for r in runs])
+        few.append([n, f"{costs.min():.6f}", f"{np.median(costs):.6f}", f"{np.sum(costs <= elite.cost)} of {len(runs)}"])
+    return {
+        "title": "300 000 closed loops, and 3000",
+        "sentences": [
+            f"The paper's genetic algorithm (600 generations of 500, elite 10, 10 immigrants) ends at {elite.cost:.6f}, the best of "
+            f"{len(ga)} runs. A method that stopped before 300 000 loops met its own rule.",
+            "Good gains fill a small corner of the box; beyond it the duty jumps between its limits and nothing settles, and a method that "
+            "misses the corner ends above 1.6.",
+        ],
+        "tables": [
+            {
+                "caption": "One run each with 300 000 closed loops",
+                "columns": ["method", "fitness", "loops", "loops to the GA's end", "seconds", "Kp", "Ki", "Kd"],
+                "rows": spent,
+            },
+            {
+                "caption": "Runs with 3000 closed loops",
+                "columns": ["method", "best fitness", "median", "at or below the GA's end"],
+                "rows": few,
+            },
+        ],
+        "figures": [{"figure": _history(whole, short), "label": "Best fitness so far against closed loops; best of the short runs dashed"}],
+    }
+
+
+def response_section(identified: Mapping[str, float], truth: Mapping[str, float], tuned: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Steps on the true motor with every encoder, before and after."""
+    duty = np.round(SET_POINT * (truth["Ra"] * truth["B"] / truth["kw"] + truth["kw"]) * 255 / 12.0)
+    rows, shown = [["constant duty", "none", *_said(response(truth, duty)[1])]], {"constant duty": response(truth, duty)[0]}
+    for name, gains in {**tuned, "the paper's gains": PAPER_GAINS}.items():
+        for encoder, step in ENCODERS.items():
+            run, metrics = response(truth, gains, step)
+            rows.append([name, encoder, *_said(metrics)])
+            if encoder == "pulse period, 1 us timer":
+                shown[name] = run
+        rows.append([f"{name}, identified motor", "pulse period, 1 us timer", *_said(response(identified, gains)[1])])
+    columns = ["control", "encoder", "overshoot [%]", "rise [s]", "settling [s]", "peak [s]", "error [rad/s]", "fitness"]
+    return {
+        "title": "Steps to 300 rad/s on the true motor",
+        "sentences": [
+            "Gains were tuned on the identified motor with speed from the pulse period, in steps of 1.5 rad/s at the set point; "
+            "counts in 1 ms come in steps of 60 rad/s. Both are rounded here with one step at all speeds.",
+            "The paper's gains stand for its own units and limits, which it does not print; in these they are no judgement of it.",
+        ],
+        "tables": [{"caption": "Step metrics, 2 % band, rise from 10 to 90 %", "columns": columns, "rows": rows}],
+        "figures": [{"figure": _steps(shown), "label": "Speed of the true motor before and after tuning"}],
+    }
+
+
+def _said(m: StepMetrics) -> list[str]:
+    times = [f"{t:.3f}" if np.isfinite(t) else "never" for t in (m.rise_time, m.settling_time, m.peak_time)]
+    return [f"{m.overshoot:.2f}", *times, f"{m.steady_state_error:.2f}", f"{float(fitness(m)):.4f}"]
+
+
+def _when(run: RunResult, cost: float) -> str:
+    there = run.history_cost <= cost
+    return f"{run.history_evaluations[int(np.argmax(there))]:.0f}" if np.any(there) else "never"
+
+
+def _history(whole: Mapping[str, RunResult], short: Mapping[str, list[RunResult]]) -> Figure:
+    data = []
+    names = list(dict.fromkeys([*whole, *short]))
+    for k, name in enumerate(names):
+        drawn = [(whole[name], "solid", name)] if name in whole else []
+        if name in short:
+            drawn.append((min(short[name], key=lambda r: r.cost), "dash", f"{name}, 3000"))
+        for r, dash, label in drawn:
+            line = {"color": LOOKS[k % len(LOOKS)], "dash": dash, "shape": "hv", "width": 1.6}
+            data.append(_line(r.history_evaluations, r.history_cost, label, line))
+    layout = style.layout(360, showlegend=True)
+    layout["xaxis"] = style.axis("closed loops", type="log")
+    layout["yaxis"] = style.axis("best fitness so far", type="log", exponentformat="power")
+    return {"data": data, "layout": layout}
+
+
+def _steps(shown: Mapping[str, Any]) -> Figure:
+    data = []
+    for k, (name, run) in enumerate(shown.items()):
+        early = np.asarray(run.t) <= 0.1
+        data.append(_line(np.asarray(run.t)[early], np.asarray(run.y)[early], name, {"color": LOOKS[k], "width": 1.6}))
+    layout = style.layout(320, showlegend=True)
+    layout["xaxis"], layout["yaxis"] = style.axis("time [s]"), style.axis("speed [rad/s]")
+    return {"data": data, "layout": layout}
+
+
+def _line(x: np.ndarray, y: np.ndarray, name: str, line: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "scatter", "mode": "lines", "name": style.plain(name), "x": style.numbers(x), "y": style.numbers(y), "line": line}

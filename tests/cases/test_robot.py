@@ -1,0 +1,74 @@
+"""The robot's speed loop against a plain loop in numpy and python-control, and the claim of a hundredth of the evaluations."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import plantfit.runtime  # noqa: F401
+from plantfit.cases.robot.demo import BUDGET, TRUTH, bench
+from plantfit.cases.robot.speed_loop import PERIOD, SAMPLES, SET_POINT, UPPER, fitness, objective, response
+from plantfit.optimize import minimise
+from plantfit.rig.dc_motor import ROBOT_MOTOR
+
+import jax.numpy as jnp
+
+MOTOR = {name: ROBOT_MOTOR[other] for name, other in TRUTH.items()}
+GAINS = (0.1065, 40.0, 0.0004144)
+
+
+def printed_loop(kp, ki, kd, step):
+    """Eq. 3, 9 to 11 of the paper, u = Kp e + Ki sigma + Kd delta in whole counts, in plain numpy."""
+    ra, la, kw, b, j = (MOTOR[n] for n in ("Ra", "La", "kw", "B", "J"))
+    held = expm(np.array([[-ra / la, -kw / la, 1 / la], [kw / j, -b / j, 0], [0, 0, 0]]) * PERIOD)
+    x, sigma, last, seen = np.zeros(2), 0.0, 0.0, []
+    for _ in range(SAMPLES):
+        seen.append(x[1])
+        e = SET_POINT - (step * np.round(x[1] / step) if step else x[1])
+        sigma += 0.5 * PERIOD * (e + last)
+        u = np.round(np.clip(kp * e + ki * sigma + kd * (e - last) / PERIOD, 0.0, 255.0))
+        last = e
+        x = held[:2, :2] @ x + held[:2, 2] * (12.0 * u / 255)
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("step", [0.0, 1.5])
+def test_the_loop_is_the_printed_one(step):
+    np.testing.assert_allclose(response(MOTOR, GAINS, step)[0].y, printed_loop(*GAINS, step), atol=1e-7)
+
+
+def test_metrics_agree_with_python_control_and_the_fitness_with_eq_13():
+    control = pytest.importorskip("control", reason="python-control is not installed")
+    run, m = response(MOTOR, GAINS)
+    y = np.asarray(run.y)
+    info = control.step_info(y, T=np.asarray(run.t), yfinal=SET_POINT)
+    assert m.overshoot == pytest.approx(info["Overshoot"], abs=1e-9)
+    for ours, theirs in (("rise_time", "RiseTime"), ("settling_time", "SettlingTime"), ("peak_time", "PeakTime")):
+        assert getattr(m, ours) == pytest.approx(info[theirs], abs=1e-12)
+    by_hand = info["Overshoot"] / 100 + info["RiseTime"] + info["SettlingTime"] + info["PeakTime"] + abs(SET_POINT - y[-1]) / SET_POINT
+    assert float(fitness(m)) == pytest.approx(by_hand, rel=1e-9)
+    assert float(objective(MOTOR).costs(jnp.array([GAINS]) / UPPER)[0]) == pytest.approx(by_hand, rel=1e-9)
+
+
+def test_what_never_settles_costs_a_second_for_it():
+    m = response(MOTOR, (0.0, 0.0, 0.0))[1]
+    assert np.isinf(m.settling_time)
+    # at rest all the time: rise and settling take the horizon, the first value is the largest, the error is the set point
+    assert float(fitness(m)) == pytest.approx(1.0 + 1.0 + 0.0 + 1.0, rel=1e-12)
+
+
+def test_the_bench_settles_where_the_motor_does():
+    run = bench()
+    volts = run.exact["V"][-1]
+    settled = volts * MOTOR["kw"] / (MOTOR["Ra"] * MOTOR["B"] + MOTOR["kw"] ** 2)
+    assert volts == pytest.approx(3.0, abs=0.5 * 12 / 255)
+    assert run.exact["w"][-1] == pytest.approx(settled, rel=1e-6)
+    assert set(run.recording.signals) == {"duty", "N", "Tp", "I"}
+
+
+@pytest.mark.slow
+def test_a_hundredth_of_the_loops_reaches_the_genetic_algorithms_end():
+    goal = objective(MOTOR)
+    ga = minimise(goal, "elite_ga", runs=3, budget=BUDGET, seed=1, settings={"variant": "paper"})
+    few = minimise(goal, "lshade", runs=20, budget=BUDGET // 100, seed=2)
+    best = min(r.cost for r in ga)
+    assert sum(r.cost <= best for r in few) >= 5
