@@ -11,11 +11,12 @@ from plantfit.cases.pendubot.paper_section import errata_section, gap_section, r
 from plantfit.cases.pendubot.paper_study import METHODS, paper_study
 from plantfit.cases.pendubot.stagnation import explained, stagnation, valley
 from plantfit.cases.pendubot.study_runs import CLOSE, floor_of, method_runs, triangle_of
-from plantfit.cases.pendubot.torque import torque_record, write_record
+from plantfit.cases.pendubot.torque import CALM, torque_record, write_record
 from plantfit.models.pendubot import pendubot_regression
 from plantfit.problem import Problem
 from plantfit.recording import read
 from plantfit.report.case_page import render_case_page
+from plantfit.rig import PendubotRig
 from plantfit.spec import load
 
 
@@ -118,10 +119,27 @@ def test_a_thousand_tuned_runs_of_each_method_come_within_a_thousandth(made, tmp
 
 
 @pytest.mark.slow
+def test_tuned_runs_on_the_calm_record(tmp_path):
+    """PSO reaches 99 % of a thousand; CGA and SSA fall short of it, but are far above their default settings."""
+    folder = unpack("pendubot", tmp_path / "pendubot")
+    write_record(torque_record(weights=PendubotRig().weights), folder, CALM)
+    study = load(folder / "calm.toml")
+    optimum = floor_of(study.problem)
+
+    def share(method, settings):
+        return method_runs(study.problem, optimum, method, settings, 1000, study.plan.budget, study.plan.seed).share_close[0]
+
+    assert study.plan.budget == 50 * 200
+    assert share("pso", study.plan.settings["pso"]) >= 0.99
+    for method, least in (("cga", 0.95), ("salp_swarm", 0.75)):
+        assert share(method, study.plan.settings[method]) >= max(least, share(method, {"population": 50}) + 0.03)
+
+
+@pytest.mark.slow
 def test_the_small_demo_tells_its_story(made, tmp_path):
     folder = unpack("pendubot", tmp_path / "pendubot")
     write_record(made, folder)
-    study = paper_study(folder / "torque.toml", made, 20, 10)
+    study = paper_study(folder / "torque.toml", made, 20, 10, 10)
     calm = next(s for s in study.sections if "calmer" in s["title"])
     rows = {row[0]: row for row in calm["tables"][0]["rows"]}
     assert rows["bounded least squares"][5] == "100.0 %"

@@ -14,7 +14,7 @@ from plantfit.cases.pendubot.torque import torque_record, write_record
 from plantfit.cases.record import figure, record
 
 TITLE = "Pendubot on a virtual rig"
-SMALL, WHOLE = (60, 20), (1000, 100)  # runs of PSO, CGA and SSA each; of what they are compared with
+SMALL, WHOLE = (60, 20, 20), (1000, 100, 1000)  # runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:

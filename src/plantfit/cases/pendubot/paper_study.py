@@ -8,8 +8,7 @@ from typing import Any
 from plantfit.cases.pendubot.paper_section import Section, errata_section, gap_section, record_section, results_section
 from plantfit.cases.pendubot.stagnation import bound_bias, explained, salps_in, stagnation, valley
 from plantfit.cases.pendubot.study_runs import Floor, MethodRuns, floor_of, method_runs
-from plantfit.cases.pendubot.torque import TorqueRecord, torque_record
-from plantfit.models.pendubot import pendubot_regression
+from plantfit.cases.pendubot.torque import CALM, TorqueRecord, torque_record, write_record
 from plantfit.problem import Problem
 from plantfit.rig import PendubotRig
 from plantfit.spec import load
@@ -31,16 +30,19 @@ class PaperStudy:
     sections: list[Section]
 
 
-def paper_study(file: Path, record: TorqueRecord, runs: int, others: int, progress: Callable[[Any], None] | None = None) -> PaperStudy:
-    """`runs` of PSO, CGA and SSA with the settings of the study file, `others` of what they are compared with."""
+def paper_study(
+    file: Path, record: TorqueRecord, runs: int, others: int, calm: int, progress: Callable[[Any], None] | None = None
+) -> PaperStudy:
+    """`runs` of PSO, CGA and SSA with the settings of the study file, `others` of what they are compared with, `calm` on the
+    harder record, which is written beside the file."""
     study = load(file)
     problem, plan = study.problem, study.plan
     floor = floor_of(problem)
 
-    def made(method: str, settings: dict[str, Any], count: int, budget: int = plan.budget) -> MethodRuns:
-        return method_runs(problem, floor, method, settings, count, budget, plan.seed, progress)
+    def made(method: str, settings: dict[str, Any], count: int, budget: int = plan.budget, timed: bool = False) -> MethodRuns:
+        return method_runs(problem, floor, method, settings, count, budget, plan.seed, progress, timed=timed)
 
-    tuned = {m: made(m, dict(plan.settings.get(m, {})), runs) for m in METHODS}
+    tuned = {m: made(m, dict(plan.settings.get(m, {})), runs, timed=True) for m in METHODS}
     plain = {"population": plan.settings["pso"]["population"]}
     untuned, longer = made("pso", plain, others), made("pso", plain, others, LONGER * plan.budget)
     least_squares = made("least_squares", {"agree": 1}, others)
@@ -52,33 +54,35 @@ def paper_study(file: Path, record: TorqueRecord, runs: int, others: int, progre
     share, _ = least_squares.share_close
     told.append(f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the optimum.")
     every = list(tuned.values())
-    calm = calm_section({m: dict(plan.settings.get(m, {})) for m in METHODS}, others, plan.budget, plan.seed, progress)
     sections = [
         record_section(record, floor),
         results_section(record, problem, floor, every),
         gap_section([*every, least_squares], told),
-        calm,
+        calm_section(file.with_name("calm.toml"), calm, progress),
         errata_section(),
     ]
     return PaperStudy(problem, floor, tuned, untuned, longer, least_squares, sections)
 
 
-def calm_section(
-    settings: dict[str, dict[str, Any]], runs: int, budget: int, seed: int, progress: Callable[[Any], None] | None = None
-) -> Section:
-    """The same runs on a record with less chatter, where the same error of the parameters is a larger share of the RMSE."""
-    made = torque_record(weights=PendubotRig().weights)
-    problem = Problem(pendubot_regression(), made.recording)
+def calm_section(file: Path, runs: int, progress: Callable[[Any], None] | None = None) -> Section:
+    """The same on a record with less chatter, where the same error of the parameters is a larger share of the RMSE."""
+    write_record(torque_record(weights=PendubotRig().weights), file.parent, CALM)
+    study = load(file)
+    problem, plan = study.problem, study.plan
     floor = floor_of(problem)
-    found = [method_runs(problem, floor, m, s, runs, budget, seed, progress) for m, s in settings.items()]
-    printed = {**settings["salp_swarm"], "variant": "paper"}
-    found.append(method_runs(problem, floor, "salp_swarm", printed, runs, budget, seed, progress, "SSA as printed"))
-    found.append(method_runs(problem, floor, "least_squares", {"agree": 1}, runs, budget, seed, progress))
+
+    def made(method: str, settings: dict[str, Any], label: str | None = None) -> MethodRuns:
+        return method_runs(problem, floor, method, settings, runs, plan.budget, plan.seed, progress, label)
+
+    tuned = [made(m, dict(plan.settings[m])) for m in METHODS]
+    printed = made("salp_swarm", {"population": plan.settings["salp_swarm"]["population"], "variant": "paper"}, "SSA as printed")
+    exact = made("least_squares", {"agree": 1})
     told = [
         f"An observer that takes the encoders' noise for what it is makes the torque chatter less: the optimum has an RMSE of "
         f"{floor.rmse:.4g} N m in place of the paper's 0.015. A relative gap of 0.1 % is then a smaller torque.",
-        *(s for r in found[:4] for s in explained(r, stagnation(problem, floor, r, budget))),
-        salps_in(valley(problem, floor), budget // settings["salp_swarm"]["population"]),
+        *floor.sentences,
+        *(s for r in [*tuned, printed] for s in explained(r, stagnation(problem, floor, r, plan.budget))),
+        salps_in(valley(problem, floor), plan.budget // plan.settings["salp_swarm"]["population"]),
         "As printed, the salp swarm's leader jumps upwards only (c3 >= 0 always holds) and alone.",
     ]
-    return gap_section(found, told, "Virtual rig with a calmer controller: a harder test of the methods")
+    return gap_section([*tuned, printed, exact], told, "Virtual rig with a calmer controller: a harder test of the methods")

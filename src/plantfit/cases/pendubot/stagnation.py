@@ -11,7 +11,8 @@ from plantfit.problem import Problem
 
 REAL = 1e-7  # relative decrease of the cost that counts as an improvement
 ENDS = 6  # answers from which least squares goes on
-LEFT, NOTHING = 0.02, 1e-7  # share of a gap, and gap, that counts as closed
+REACHED = 0.05 * CLOSE  # a gap that counts as closed; corners of the bounds closer than that do not matter here
+NEGLIGIBLE = 1e-9  # a gap below it is rounding
 ON_BOUND = 1e-9  # of the range
 
 
@@ -20,7 +21,7 @@ class Stagnation:
     """What the answers of one method have in common.
 
     `distance`: median distance of the answers to the optimum, of the parameter farthest off, as a share of the bounds; `refined`: share
-    of the ENDS worst answers from which bounded least squares closes the gap; `last`: median share of the budget at the last improvement
+    of the ENDS worst answers from which least squares ends within REACHED; `last`: median share of the budget at the last improvement
     by more than REAL; `on_bound`: share of all coordinates that lie on a bound; `optimum_on_bound` that of the optimum's.
     """
 
@@ -39,7 +40,7 @@ def stagnation(problem: Problem, floor: Floor, runs: MethodRuns, budget: int) ->
     last = [_last_improvement(r.history_evaluations, r.history_cost) / budget for r in runs.results]
     return Stagnation(
         distance=float(np.median(np.max(np.abs(x - best), axis=1))),
-        refined=float(np.mean(refined(problem, floor, x[worst]) < np.maximum(LEFT * runs.gap[worst], NOTHING))),
+        refined=float(np.mean(refined(problem, floor, x[worst]) < REACHED)),
         last=float(np.median(last)),
         on_bound=float(np.mean((x < ON_BOUND) | (x > 1 - ON_BOUND))),
         optimum_on_bound=float(np.mean((best < 1e-6) | (best > 1 - 1e-6))),
@@ -52,17 +53,24 @@ def _last_improvement(evaluations: np.ndarray, cost: np.ndarray) -> float:
     return float(evaluations[min(above[-1] + 1, len(cost) - 1)]) if len(above) else float(evaluations[0])
 
 
+def _small(value: float) -> str:
+    """A gap or width as a person reads it."""
+    if value <= NEGLIGIBLE:
+        return "0 to rounding"
+    return f"{value:.2g}" if value >= 0.01 else f"{value:.1e}"
+
+
 def explained(runs: MethodRuns, found: Stagnation, longer: MethodRuns | None = None, times: int = 5) -> list[str]:
     """The measurements as sentences."""
-    share, (low, high) = runs.share_close
+    (share, (low, high)), typical = runs.share_close, _small(float(np.median(runs.gap)))
     told = [
         f"{runs.label}: {100 * share:.1f} % of {len(runs.gap)} runs end within {CLOSE:g} of the optimum "
-        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), median gap {np.median(runs.gap):.1e}, largest {runs.gap.max():.1e}."
+        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), median gap {typical}, largest {_small(runs.gap.max())}."
     ]
     if longer is not None:
         gain = np.median(runs.gap) / max(np.median(longer.gap), 1e-300)
         what = "more search does not help" if gain < 2 else f"{gain:.1f} times less"
-        told.append(f"With {times} times the budget its median gap is {np.median(longer.gap):.1e}: {what}.")
+        told.append(f"With {times} times the budget its median gap is {_small(float(np.median(longer.gap)))}: {what}.")
     told.append(_cause(found))
     return told
 
@@ -70,10 +78,10 @@ def explained(runs: MethodRuns, found: Stagnation, longer: MethodRuns | None = N
 def _cause(found: Stagnation) -> str:
     if found.refined < 1:
         return (
-            f"From {100 * (1 - found.refined):.0f} % of its worst answers least squares does not close the gap either: "
-            "there are other minima or corners of the bounds."
+            f"From {100 * (1 - found.refined):.0f} % of its {ENDS} worst answers least squares does not come within {REACHED:g} either: "
+            "other minima hold them, or its steps were too few."
         )
-    reached = "No other minimum holds them: bounded least squares that begins at the worst answers closes the gap from each."
+    reached = f"No other minimum above {REACHED:g} holds them: least squares from the {ENDS} worst answers ends below that."
     valley = (
         f"The answers lie {found.distance:.2f} of the bounds' width away from it (median; the parameter farthest off) "
         "at almost the same misfit: a flat valley."
@@ -107,10 +115,11 @@ def valley(problem: Problem, floor: Floor) -> Valley:
 
 def salps_in(found: Valley, generations: int) -> str:
     """What the published schedule of the salp swarm, c1 = 2 exp(-(4 l/L)^2), means in a valley."""
+    along = "over the whole width" if found.along >= 1 else f"by {_small(found.along)}"
     begin = int(np.ceil(generations / 4 * np.sqrt(np.log(2 / found.across))))
     return (
-        f"Within {CLOSE:g} of the optimum the parameters may move by {found.across:.1e} of the bounds' width across the valley and by "
-        f"{found.along:.1e} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger than the "
+        f"Within {CLOSE:g} of the optimum the parameters may move by {_small(found.across)} of the bounds' width across the valley and "
+        f"{along} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger than the "
         f"valley is wide nearly all of them miss it; from generation {begin} of {generations} on they fit, but c1 falls so fast that they "
         "do not lead along it any more."
     )

@@ -13,7 +13,7 @@ from plantfit.rig import PendubotRig, RigRun
 from plantfit.rig.lqg import Weights
 
 SEED = 2024
-FILE = "torque.csv"
+FILE, CALM = "torque.csv", "calm.csv"
 # The observer trusts the encoders until the torque chatters as much as the paper's residual, 0.015 N m.
 JITTERY = Weights((math.radians(3.0), math.radians(3.0), 0.0, 0.0), 4.0, 1.0, 1e-5)
 STEPS_RMS = 1.0 / math.sqrt(12.0)  # of rounding, in steps
@@ -51,6 +51,6 @@ def torque_record(seed: int = SEED, weights: Weights = JITTERY) -> TorqueRecord:
     return TorqueRecord(made, found.frequency, found.sentence, run)
 
 
-def write_record(record: TorqueRecord, folder: Path) -> Path:
-    """The recording as the CSV file that the study file reads."""
-    return to_csv(record.recording, folder / FILE)
+def write_record(record: TorqueRecord, folder: Path, name: str = FILE) -> Path:
+    """The recording as the CSV file that a study file reads."""
+    return to_csv(record.recording, folder / name)
