@@ -7,11 +7,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from plantfit.rig.dc_motor import DcMotorRig
     from plantfit.rig.pendubot import MEASURED, PendubotRig
     from plantfit.rig.run import RigRun
     from plantfit.rig.trajectories import Move, RestToRest
 
 _PLACES = {
+    "DcMotorRig": "plantfit.rig.dc_motor",
     "MEASURED": "plantfit.rig.pendubot",
     "Move": "plantfit.rig.trajectories",
     "PendubotRig": "plantfit.rig.pendubot",
@@ -19,7 +21,7 @@ _PLACES = {
     "RigRun": "plantfit.rig.run",
 }
 
-__all__ = ["MEASURED", "Move", "PendubotRig", "RestToRest", "RigRun"]
+__all__ = ["MEASURED", "DcMotorRig", "Move", "PendubotRig", "RestToRest", "RigRun"]
 
 
 def __getattr__(name: str) -> Any:
