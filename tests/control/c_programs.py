@@ -9,6 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plantfit.simulate.closed_loop import Controller
+
+import jax
+import jax.numpy as jnp
+
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion", "-O2"]
 REAL = {"double": np.float64, "float": np.float32}
 TYPES = {"double": ctypes.c_double, "float": ctypes.c_float, "q15": ctypes.c_int16, "q31": ctypes.c_int32}
@@ -57,10 +62,23 @@ class ArrayProgram:
 
     def states(self, n: int) -> np.ndarray:
         """What the struct begins with."""
-        return np.frombuffer(self.state, self.kind, n).copy()
+        return np.frombuffer(self.state.raw, self.kind, n)
 
 
 def macro(files, name: str) -> float:
     """A number that the header defines."""
     line = next(line for line in Path(files.header).read_text().splitlines() if line.startswith(f"#define {name} "))
     return float(line.split()[2].strip("()f"))
+
+
+def in_loop(begin, update, size):
+    """A program as a `Controller`: its struct travels as bytes, so that it stays a pure function for the loop."""
+    struct = jax.ShapeDtypeStruct((size,), jnp.uint8)
+
+    def init(measurement, parameters):
+        return jax.pure_callback(begin, struct, measurement)
+
+    def stepped(state, measurement, reference, parameters):
+        return jax.pure_callback(update, (struct, jax.ShapeDtypeStruct((), jnp.float64)), state, measurement, reference)
+
+    return Controller(init, stepped)
