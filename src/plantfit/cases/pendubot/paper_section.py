@@ -140,7 +140,7 @@ def gap_section(runs: Sequence[MethodRuns], told: Sequence[str], title: str = "V
     rows = []
     for r in runs:
         share, (low, high) = r.share_close
-        quantiles = [f"{v:.1e}" for v in np.maximum(np.quantile(r.gap, [0.5, 0.99, 1.0]), 0.0)]
+        quantiles = [f"{v:.1e}" if v > 1e-12 else "< 1e-12" for v in np.quantile(r.gap, [0.5, 0.99, 1.0])]
         rows.append([r.label, str(len(r.gap)), *quantiles, f"{100 * share:.1f} %", f"{100 * low:.1f} to {100 * high:.1f} %"])
     table = {
         "caption": "Gap of the RMSE to the constrained optimum, relative, virtual rig",
