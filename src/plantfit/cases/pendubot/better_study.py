@@ -15,7 +15,7 @@ from plantfit.recording import cut
 from plantfit.rig import PendubotRig
 
 SEED = 7  # a record of its own, not that of the paper's study
-STRETCH = (4.5, 13.0)  # s, with the first two moves, for the forward fit of the small demo
+STRETCH = (4.5, 9.5)  # s, with the first move, for the forward fit of the small demo
 PARTS = ("instrumental variables", "forward fit", "what the record determines", "controllers", "next experiment")
 
 
@@ -34,5 +34,5 @@ def better_study(progress: Callable[[Any], None] | None = None, full: bool = Fal
     begins("controllers")
     held = control_section(inverse.estimate.named, truth)
     begins("next experiment")
-    following = experiment_section(rig, budget=2400 if full else 300, seed=SEED, records=10 if full else 1)
+    following = experiment_section(rig, budget=2400 if full else 200, seed=SEED, records=10 if full else 1)
     return [told, cross_check_section(inverse, forward, truth, stretch=None if full else STRETCH), held, following]

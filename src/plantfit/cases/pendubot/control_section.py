@@ -96,7 +96,7 @@ def control_section(
     off = f"{100 * OFF:g} % off"
     least = min(float(row[k]) for row in rows for k in (2, 3))
     return {
-        "title": "Held upright",
+        "title": "Held upright (virtual rig)",
         "sentences": [
             f"Four controllers, designed on the identified plant, hold the upright on "
             f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of {COUNTS} counts, "

@@ -24,11 +24,15 @@ def cross_check_section(
     """
     compared = cross_check(inverse.estimate, forward.estimate)
     ratio = forward.estimate.standard_error / inverse.estimate.standard_error
+    why = (
+        ": it also uses the play of the loop about each pose, which instruments leave out because it moves with the errors of the encoders"
+        if stretch is None
+        else ", from a part of the record"
+    )
     sentences = [
         inverse.bias.sentence,
         compared.sentence,
-        f"The forward fit's standard errors are {span(ratio.tolist(), None)} of the inverse fit's: it also uses the play of the loop about "
-        "each pose, which instruments leave out because it moves with the errors of the encoders.",
+        f"The forward fit's standard errors are {span(ratio.tolist(), None)} of the inverse fit's{why}.",
         f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the angles; rounding alone leaves about 0.289. "
         "It takes the recorded voltage as exact, and the inverse fit does not need the angles to follow from it.",
     ]
