@@ -66,7 +66,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         "0.042438 and ours are therefore no comparison.",
         "The bench is virtual: its motor has the constants that the paper identified.",
     ]
-    return record("robot", "Motor of a mobile robot", figures, sentences, [answer], [file], sections,
+    return record("robot", "Motor of a mobile robot on a virtual bench", figures, sentences, [answer], [file], sections,
                   "300 000 closed loops of the paper's genetic algorithm, and a hundredth of them")  # fmt: skip
 
 

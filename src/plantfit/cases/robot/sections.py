@@ -33,7 +33,7 @@ def identified_section(answer: Answer, truth: Mapping[str, float]) -> dict[str, 
     ] if missed else []  # fmt: skip
     columns = ["constant", "unit", "value", "95 % from", "to", "truth of the bench (the paper's result)", "inside"]
     return {
-        "title": "The motor identified",
+        "title": "The motor identified (virtual bench)",
         "sentences": ["3 V from rest: RMS current and the period of the encoder's pulses, with the faults of both sensors.", *outside],
         "tables": [{"caption": "Constants of the motor", "columns": columns, "rows": rows}],
     }
@@ -86,7 +86,7 @@ def response_section(identified: Mapping[str, float], truth: Mapping[str, float]
         rows.append([f"{name}, identified motor", "pulse period, 1 us timer", *_said(response(identified, gains)[1])])
     columns = ["control", "encoder", "overshoot [%]", "rise [s]", "settling [s]", "peak [s]", "error [rad/s]", "fitness"]
     return {
-        "title": "Steps to 300 rad/s on the true motor",
+        "title": "Steps to 300 rad/s on the true motor of the bench",
         "sentences": [
             "Gains were tuned on the identified motor with speed from the pulse period, in steps of 1.5 rad/s at the set point; "
             "counts in 1 ms come in steps of 60 rad/s. Both are rounded here with one step at all speeds.",
