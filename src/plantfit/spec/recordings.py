@@ -1,0 +1,76 @@
+"""The recordings of a study file: read, cleaned step by step, divided into fitted and unseen."""
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from plantfit import recording as rec
+from plantfit.errors import SpecError
+from plantfit.problem import Experiment, split
+from plantfit.recording.unmeasured import unmeasured
+from plantfit.spec.tables import RecordingTable
+
+CLEANING = (
+    "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
+    "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
+    "period_to_speed", "moving_rms", "odometry",
+)  # fmt: skip
+
+
+def recording_file(r: RecordingTable, path: Path) -> Path:
+    """Where the file of a recording lies."""
+    return Path(r.file) if Path(r.file).is_absolute() else path.parent / r.file
+
+
+def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path] | None = None) -> rec.Recording:
+    """The recording of one table, cleaned as it says."""
+    file = (files or {}).get(r.file) or recording_file(r, path)
+    given = {
+        "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
+        "sheet": r.sheet, "sort": r.sort or None,
+    }  # fmt: skip
+    record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
+    for i, step in enumerate(r.clean):
+        arguments = dict(step)
+        kind = arguments.pop("step", None)
+        if kind not in CLEANING:
+            near = difflib.get_close_matches(str(kind), CLEANING, 1)
+            raise SpecError(
+                f"{path.name}: recording.{name}.clean[{i}] has step = {kind!r}; "
+                f"{f'did you mean {near[0]!r}? ' if near else ''}Known steps: {', '.join(CLEANING)}."
+            )
+        try:
+            record = getattr(rec, kind)(record, **arguments)
+        except TypeError as error:
+            raise SpecError(
+                f"{path.name}: recording.{name}.clean[{i}] ({kind}): {str(error).removeprefix(f'{kind}() ')}; see docs/recordings.md."
+            ) from None
+    return unmeasured(record, r.unmeasured) if r.unmeasured else record
+
+
+def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
+    record = read_recording(name, r, path, files)
+    if r.split is not None:
+        if r.fit is not None or r.validate_ is not None:
+            raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")
+        cut = split(record, r.split, r.skip)
+        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady)
+    every = (-np.inf, np.inf)
+    unseen = every if r.validate_ is True else r.validate_
+    fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
+    if fit is not None and unseen is not None and fit == every:
+        raise SpecError(
+            f"{path.name}: recording.{name} gives validate but no fit; add fit = [start, stop] in seconds so that they do not overlap."
+        )
+    for what, interval in (("fit", fit), ("validate", unseen)):
+        if interval is not None and interval[0] >= interval[1]:
+            raise SpecError(
+                f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with start before stop."
+            )
+    if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
+        raise SpecError(
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
+        )
+    return Experiment(record, fit, unseen, r.skip, r.before, r.steady)

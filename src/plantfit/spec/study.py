@@ -1,0 +1,133 @@
+"""A study file as a problem and a plan."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import PlantfitError, SearchError, SpecError
+from plantfit.models import equations, library
+from plantfit.models.model import Model
+from plantfit.models.regression import LinearModel
+from plantfit.optimize.registry import make
+from plantfit.problem import Experiment, Problem
+from plantfit.problem.filter_alike import filter_alike
+from plantfit.space import Parameter
+from plantfit.spec.recordings import experiment_of
+from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable, validated
+from plantfit.study.plan import Plan, default_budget
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study file, ready to run; `text` is its wording, `folder` where its recordings are looked for."""
+
+    name: str
+    text: str
+    path: Path
+    problem: Problem
+    plan: Plan
+    table: SpecTable
+
+
+def load(path: str | Path) -> Study:
+    """Read a study file.
+
+    Raises SpecError with file, key, value and what to do, and the errors of the rooms that use the values.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
+        raise SpecError(
+            f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
+            "`plantfit init RECORDING.csv`."
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpecError(f"The study file {str(path)!r} cannot be read: {error}.") from None
+    return parse(text, path)
+
+
+def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> Study:
+    """The same from a text; recordings are looked for beside `path`, or where `files` says."""
+    path = Path(path)
+    table = validated(text, path)
+    model, experiments = _model(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
+    if table.model.filter_alike is not None:
+        model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
+    problem = Problem(
+        model,
+        experiments,
+        {n: _parameter(p) for n, p in table.parameters.items()},
+        scales=table.scales,
+        hold=table.model.hold,
+        stepper=table.simulation.stepper,
+        substeps=table.simulation.substeps,
+        name=table.name,
+    )
+    return Study(table.name, text, path, problem, _plan(table, problem, path), table)
+
+
+def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
+    search = table.search
+    try:
+        for method in search.methods:
+            make(method, **search.settings.get(method, {}))
+        return Plan(
+            name=table.name,
+            methods=tuple(search.methods),
+            runs=search.runs,
+            budget=search.budget if search.budget is not None else default_budget(problem.space.dimension),
+            seed=search.seed,
+            settings=search.settings,
+        )
+    except SearchError as error:
+        raise SpecError(f"{path.name}, [search]: {error}") from None
+
+
+def _model(table: SpecTable, path: Path) -> Model | LinearModel:
+    m = table.model
+    if (m.kind is None) == (m.equations is None):
+        raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')
+    try:
+        return library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
+    except PlantfitError as error:
+        error.args = (f"{path.name}, [model]: {error}",)
+        raise
+
+
+def _from_text(table: SpecTable) -> Model:
+    m = table.model
+    states = {n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()}
+    parameters = {
+        n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}
+        for n, p in table.parameters.items()
+    }
+    return equations(
+        m.equations or "",
+        inputs=m.inputs,
+        states=states,
+        outputs=m.outputs,
+        parameters=parameters,
+        constants=m.constants,
+        tables={n: {"over": t.over, "nodes": t.nodes, "unit": t.unit} for n, t in m.tables.items()},
+        name=table.name,
+        check=m.check_units,
+    )
+
+
+def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
+    if not isinstance(model, LinearModel):
+        raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
+    try:
+        columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
+    except PlantfitError as error:
+        error.args = (f"{path.name}, [model] filter_alike: {error}",)
+        raise
+    return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}
+
+
+def _parameter(p: ParameterTable) -> Parameter:
+    return Parameter(p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence)
