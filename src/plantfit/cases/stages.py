@@ -6,19 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from plantfit.optimize.progress import Progress
 
-@dataclass(frozen=True)
-class Stage:
-    """Where a demo stands, in the words of `optimize.Progress`; a run is one part."""
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Progress):
+    """Where a demo stands; a run is one part."""
 
     method: str
-    runs_done: int
-    runs: int
-    seconds: float
-    evaluations: float
-    budget_total: float
-    best: float = math.inf
-    seconds_left: float | None = None
     unit: str = "part"
 
 
@@ -29,6 +24,7 @@ def stages(names: tuple[str, ...], progress: Callable[[Any], None] | None) -> Ca
     def begins(name: str) -> None:
         if progress is not None:
             done = names.index(name)
-            progress(Stage(name, done, len(names), time.monotonic() - began, float(done), float(len(names))))
+            seconds = time.monotonic() - began
+            progress(Stage(done, len(names), float(done), float(len(names)), math.inf, seconds, None, method=name))
 
     return begins

@@ -54,7 +54,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     """The same from a text; recordings are looked for beside `path`, or where `files` says."""
     path = Path(path)
     table = validated(text, path)
-    model, experiments = _model(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
+    model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
     if table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
     problem = Problem(
@@ -87,7 +87,8 @@ def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
         raise SpecError(f"{path.name}, [search]: {error}") from None
 
 
-def _model(table: SpecTable, path: Path) -> Model | LinearModel:
+def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
+    """The model of a validated study file; the errors of the models' room name file and table."""
     m = table.model
     if (m.kind is None) == (m.equations is None):
         raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')

@@ -12,8 +12,8 @@ from plantfit.study.store import Store
 LOOK_SECONDS = 1.0  # between two looks into the store for the work of others
 
 
-@dataclass(frozen=True)
-class StudyProgress:
+@dataclass(frozen=True, kw_only=True)
+class StudyProgress(Progress):
     """Where a study stands. `method` is the one at work here, `best` the lowest cost of any method (inf
     before the first), `seconds` the time since this worker began, `seconds_left` None until known.
     `workers` are the tasks that live workers hold, this one's among them.
@@ -23,13 +23,6 @@ class StudyProgress:
     method: str
     tasks_done: int
     tasks: int
-    runs_done: int
-    runs: int
-    evaluations: float
-    budget_total: float
-    best: float
-    seconds: float
-    seconds_left: float | None
     workers: tuple[Held, ...] = ()
 
 

@@ -20,6 +20,7 @@ from plantfit.optimize.contract import Facts, Objective
 from plantfit.optimize.counter import BudgetSpent, Counter
 from plantfit.optimize.loop import check_needs, minimise
 from plantfit.optimize.nested import Nested
+from plantfit.optimize.progress import Progress
 from plantfit.optimize.registry import make
 from plantfit.optimize.sweep import Job, Sweep
 from plantfit.study.tuning.dials import Dials, dials_of
@@ -37,18 +38,11 @@ OUTER_KEY = 2**32 - 1  # no run has this number
 Key = tuple[Any, ...]
 
 
-@dataclasses.dataclass(frozen=True)
-class TuningProgress:
-    """Where tuning stands, in the words of `optimize.Progress`; a run is one trial of settings here."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TuningProgress(Progress):
+    """Where tuning stands; a run is one trial of settings here."""
 
     method: str
-    runs_done: int
-    runs: int
-    evaluations: float
-    budget_total: float
-    best: float
-    seconds: float
-    seconds_left: float | None
     unit: str = "setting"
 
 
@@ -295,7 +289,16 @@ class _Tuner:
         left = (total - self.evaluations) * seconds / self.evaluations if self.evaluations else None
         best = float("inf") if self.best is None else float(np.median([f.cost for f in self.finishes[self.best]]))
         self.progress(
-            TuningProgress(self.dials.method, min(self.asked, self.trials), self.trials, self.evaluations, total, best, seconds, left)
+            TuningProgress(
+                runs_done=min(self.asked, self.trials),
+                runs=self.trials,
+                evaluations=self.evaluations,
+                budget_total=total,
+                best=best,
+                seconds=seconds,
+                seconds_left=left,
+                method=self.dials.method,
+            )
         )
 
 
