@@ -207,7 +207,7 @@ FILE = Path("chamber.toml")
 
 def test_tables_in_a_study_file():
     table = spec.validated(STUDY, FILE)
-    model = spec._model(table, FILE)
+    model = spec.model_of(table, FILE)
     assert isinstance(model, Model)
     values = {"k": np.array([1.0, 2.0, 3.0]), "valve": np.array(model.declared("valve").value)}
     assert float(model.output({}, {"u": 60.0}, values)["y"]) == pytest.approx(2.2 * 60 + 1.4, rel=1e-12)
@@ -229,6 +229,6 @@ def test_tables_in_a_study_file():
 def test_mistakes_in_a_study_file(old, new, words):
     assert old in STUDY
     with pytest.raises((SpecError, ModelError)) as caught:
-        spec._model(spec.validated(STUDY.replace(old, new, 1), FILE), FILE)
+        spec.model_of(spec.validated(STUDY.replace(old, new, 1), FILE), FILE)
     assert words in str(caught.value)
     assert "chamber.toml" in str(caught.value)
