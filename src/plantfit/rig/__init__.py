@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from plantfit.rig.dc_motor import DcMotorRig
     from plantfit.rig.pendubot import MEASURED, PendubotRig
     from plantfit.rig.run import RigRun
+    from plantfit.rig.steam_chamber import SteamChamberRig
     from plantfit.rig.trajectories import Move, RestToRest
 
 _PLACES = {
@@ -19,9 +20,10 @@ _PLACES = {
     "PendubotRig": "plantfit.rig.pendubot",
     "RestToRest": "plantfit.rig.trajectories",
     "RigRun": "plantfit.rig.run",
+    "SteamChamberRig": "plantfit.rig.steam_chamber",
 }
 
-__all__ = ["MEASURED", "DcMotorRig", "Move", "PendubotRig", "RestToRest", "RigRun"]
+__all__ = ["MEASURED", "DcMotorRig", "Move", "PendubotRig", "RestToRest", "RigRun", "SteamChamberRig"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,106 @@
+"""The two tasks of the steam chamber as problems: constants for each opening, and tables for each opening."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.models.equations import equations
+from plantfit.models.model import Declared, Model
+from plantfit.models.steam_chamber import steam_chamber
+from plantfit.problem.experiment import Experiment
+from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording, Signal
+from plantfit.space import Parameter
+
+STATIC_START = {"k": 0.2, "A1": 45.0, "A2": 15.0, "Td": 0.5}  # the paper's, section IV.A
+_STATIC = "x1' = x2; x2' = (k*delay(u, Td) - x1 - A1*x2)/A2; y = x1"
+
+
+def static_model() -> Model:
+    """Equation (2) of the paper with four constants and the bounds of its static task; lower limits of A1 and A2 are ours."""
+    return equations(
+        _STATIC,
+        inputs={"u": "%"},
+        states={"x1": "bar", "x2": "bar/s"},
+        outputs={"y": "bar"},
+        parameters={
+            "k": Declared("k", "bar/%", (0.1, 20.0)),
+            "A1": Declared("A1", "s", (0.1, 1000.0)),
+            "A2": Declared("A2", "s^2", (0.1, 1000.0)),
+            "Td": Declared("Td", "s", (0.0, 1.0)),
+        },
+        name="steam_chamber_static",
+        sentence="Steam-filled chamber: second order with dead time, four constants.",
+        source="Metaheuristic-Based Model Optimization of a Steam-Filled Chamber (research article), eqs. (2) and (3)",
+    )
+
+
+def static_problem(
+    recordings: Mapping[str, Recording], *, until: float = np.inf, dead_time: tuple[float, float] = (0.0, 1.0), substeps: int = 1
+) -> Problem:
+    """k, A1, A2, Td of each opening, from its samples in (0, until] s; `dead_time` bounds Td (s).
+
+    Its cost is the mean over all samples; `total_cost` is the paper's. For one opening both are the same.
+    """
+    own = {n: Parameter(per_recording=True, start=STATIC_START[n]) for n in ("k", "A1", "A2")}
+    own["Td"] = Parameter(dead_time, "s", per_recording=True, start=STATIC_START["Td"])
+    return Problem(static_model(), _steps(recordings, until), own, substeps=substeps, name="static")
+
+
+def dynamic_problem(recordings: Mapping[str, Recording], *, weighted: bool = False, substeps: int = 1) -> Problem:
+    """Tables k, A1, A2 over 10 nodes and Td of each opening: 31 parameters for each, 310 for ten.
+
+    Its cost is the mean over all samples. `weighted` makes it `total_cost`: each opening's pressure is then multiplied,
+    in the model as in the record, by the root of all samples over its own, a constant input "weight".
+    """
+    own = {n: Parameter(per_recording=True) for n in ("k", "A1", "A2", "Td")}
+    if not weighted:
+        return Problem(steam_chamber(), _steps(recordings), own, substeps=substeps, name="dynamic")
+    plain = steam_chamber()
+    model = dataclasses.replace(
+        plain,
+        name="weighted_steam_chamber",
+        inputs={**plain.inputs, "weight": "1"},
+        output=lambda x, u, p: {"y": x["x1"] * u["weight"]},
+    )
+    samples = sum(len(r) - 1 for r in recordings.values())
+    steps = _steps({n: _with_weight(r, float(np.sqrt(samples / (len(r) - 1)))) for n, r in recordings.items()})
+    return Problem(model, steps, own, substeps=substeps, name="dynamic")
+
+
+def total_cost(problem: Problem, z: np.ndarray) -> float:
+    """Equation (7) at a cube point (d,): the sum over openings of the mean squared error, bar^2. Not for a `weighted` problem."""
+    return float(sum(opening_costs(problem, z).values()))
+
+
+def opening_costs(problem: Problem, z: np.ndarray) -> dict[str, float]:
+    """Mean squared error (bar^2) of every opening at a cube point (d,)."""
+    squares, costs, start = np.asarray(problem.residuals(z)) ** 2, {}, 0
+    for name in problem.data["drive"]:
+        count = len(problem.data["index"][name]["y"])
+        costs[name], start = float(np.mean(squares[start : start + count])), start + count
+    return costs
+
+
+def tables_from_static(problem: Problem, static: Mapping[str, float]) -> np.ndarray:
+    """The cube point (d,) of a dynamic problem whose tables are the constants `static` ("k[opening10]": ...), inside its box."""
+    values = [static[c.parameter if c.recording is None else f"{c.parameter}[{c.recording}]"] for c in problem.space.coordinates]
+    return np.clip(problem.space.cube(values), 0.0, 1.0)
+
+
+def _steps(recordings: Mapping[str, Recording], until: float = np.inf) -> dict[str, Experiment]:
+    """Steps from rest; the sample at t = 0 is not scored, as in the paper."""
+    before = {"u": 0.0}
+    return {n: Experiment(r, fit=(0.5 * float(r.t[1] - r.t[0]), until + 1e-6), before=before) for n, r in recordings.items()}
+
+
+def _with_weight(recording: Recording, weight: float) -> Recording:
+    y = recording.signals["y"]
+    signals = {
+        "u": recording.signals["u"],
+        "weight": Signal(np.full(len(recording), weight), "1"),
+        "y": Signal(weight * y.values, y.unit),
+    }
+    return Recording(recording.t, signals, recording.name, (*recording.log, f"y: multiplied by {weight:g}, its weight in the total cost."))
