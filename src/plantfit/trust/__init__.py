@@ -15,6 +15,8 @@ from plantfit.trust.openings import Measurement, Openings, openings
 from plantfit.trust.possible import Possible, nearest_possible
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
+from plantfit.trust.screening import Screening, morris
+from plantfit.trust.sobol_indices import SobolIndices, sobol_indices
 
 __all__ = [
     "BaseParameters",
@@ -31,6 +33,8 @@ __all__ = [
     "Optimum",
     "Possible",
     "RegressionPart",
+    "Screening",
+    "SobolIndices",
     "assess",
     "autocorrelation",
     "base_parameters",
@@ -45,8 +49,10 @@ __all__ = [
     "gain",
     "linearise",
     "link_constraints",
+    "morris",
     "nearest_possible",
     "openings",
     "regression_covariance",
+    "sobol_indices",
     "whiteness",
 ]
