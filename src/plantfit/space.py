@@ -155,12 +155,13 @@ class Space:
                         yield Coordinate(name, recording, p.unit, float(low[index]), float(high[index]), p.scale == "log", index)
 
     def _check_tie(self, name: str) -> None:
-        root = self._root(name)
+        root = self.root(name)
         own, other = self.parameters[name].shape, self.parameters[root].shape
         if own != other:
             raise SpaceError(f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes.")
 
-    def _root(self, name: str) -> str:
+    def root(self, name: str) -> str:
+        """The parameter whose value this one takes: itself unless it is tied."""
         seen = [name]
         while (target := self.parameters[seen[-1]].tied) is not None:
             if target not in self.parameters:
@@ -180,7 +181,7 @@ class Space:
 
     def range(self, name: str) -> tuple[float, float]:
         """All values that a parameter can take in its unit, (low, high); equal when it is held."""
-        p = self.parameters[self._root(name)]
+        p = self.parameters[self.root(name)]
         held = p.value if p.value is not None else None
         low, high = (held, held) if held is not None else p.bounds  # type: ignore[misc]
         return float(np.min(low)), float(np.max(high))
@@ -207,7 +208,7 @@ class Space:
 
     def tree(self, values: Any, recording: str | None = None) -> dict[str, Any]:
         """Values (d,) to a mapping from every parameter (fixed and tied ones too) to its scalar or array."""
-        return {name: self._of(self._root(name), values, recording) for name in self.parameters}
+        return {name: self._of(self.root(name), values, recording) for name in self.parameters}
 
     def _of(self, name: str, values: Any, recording: str | None) -> Any:
         p = self.parameters[name]

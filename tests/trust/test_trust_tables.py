@@ -67,7 +67,8 @@ def test_rows_name_every_entry_and_fixed_tables_too():
     assert (rows["f[2][b]"]["parameter"], rows["f[2][b]"]["recording"], rows["f[2][b]"]["index"]) == ("f", "b", [2])
     assert rows["c"]["index"] == []
     assert {rows[f"f[{k}][a]"]["status"] for k in (0, 1, 2)} == {"determined"}
-    assert {rows[f"f[{k}][a]"]["status"] for k in (4, 5)} == {"flat"}
+    assert {rows[f"f[{k}][a]"]["status"] for k in (4, 5)} == {"not visited"}
+    assert {rows[f"f[{k}][a]"][key] for k in (4, 5) for key in ("standard_error", "low", "high")} == {None}
 
 
 def test_tables_of_the_record_hold_the_same_numbers_over_their_nodes():
@@ -87,7 +88,9 @@ def test_a_table_has_one_sentence_that_counts_and_says_where():
     (said,) = [v["sentence"] for v in findings()["verdict"] if "table f" in v["sentence"]]
     assert "of 12 entries of table f are determined" in said
     assert "in a" in said
-    assert said.endswith("No recording tells enough at u of 16 to 20 bar.")
+    assert "4 are never visited (2 in a and 2 in b)" in said
+    (gap,) = [v for v in findings()["verdict"] if v["sentence"].startswith("f of a and b: u of 16 to 20 bar never visited")]
+    assert gap["figures"] == {"unvisited": 4.0}
 
 
 def test_intervals_of_visited_entries_hold_the_truth():

@@ -12,8 +12,9 @@ from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.problem.experiment import Experiment
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steady import rest_channels, steady_outputs
+from plantfit.simulate.steady import rest_channels, steady_outputs, steady_states
 
+import jax
 import jax.numpy as jnp
 
 
@@ -81,6 +82,20 @@ class Predictor:
         if isinstance(drive, AtRest):
             return self._at_rest(p, drive)
         return self.stepping().outputs(p, drive)
+
+    def trajectories(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:
+        """Every signal that a table may be over, name -> (n,): outputs, channels (inputs, late copies, "t"), states."""
+        simulator = self.stepping()
+        vector, values = simulator.vector, simulator.positional(p)
+        if isinstance(drive, AtRest):
+            channels = rest_channels(vector, dict(zip(vector.model.inputs, drive.value, strict=True)))
+            x = steady_states(vector, channels, values, (0.0,) * len(vector.states)) if vector.states else ()
+        else:
+            x, channels = simulator.trajectories(p, drive)
+        x, channels = jax.tree.map(jnp.atleast_1d, (x, channels))
+        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, channels, values)
+        names, signals = (*vector.outputs, *vector.channels, *vector.states), (*y, *channels, *x)
+        return dict(zip(names, signals, strict=True))
 
     def coefficients(self, p: Mapping[str, Any]) -> Any:
         """The coefficients (k,) of a regression at named parameters."""

@@ -208,6 +208,7 @@ class Problem:
             names = ("residuals", "costs", "values_and_gradients", "residuals_and_jacobian", "blocks")
             self._compiled[key] = {n: jax.jit(getattr(functions, n)) for n in names}
             self._compiled[key]["outputs"] = jax.jit(self.predictor.outputs)
+            self._compiled[key]["trajectories"] = jax.jit(self.predictor.trajectories)
         return self._compiled[key]
 
     def costs(self, zs: Any) -> jax.Array:

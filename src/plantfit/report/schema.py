@@ -115,7 +115,7 @@ class Parameter(_Record):
 
 
 class OperatingTable(_Record):
-    """Entries of one table, flat in row-major order over the nodes of its one or two signals."""
+    """Entries of one table, flat in row-major order over the nodes of its one or two signals; `samples` in the cells around each."""
 
     name: str
     unit: str | None = None
@@ -127,6 +127,7 @@ class OperatingTable(_Record):
     low: Values
     high: Values
     status: list[str]
+    samples: list[int] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -140,6 +141,8 @@ class OperatingTable(_Record):
     def _lengths_agree(self):
         entries = prod(len(n) for n in self.nodes)
         lengths = {"values": self.values, "low": self.low, "high": self.high, "status": self.status}
+        if self.samples is not None:
+            lengths["samples"] = self.samples
         for what, values in lengths.items():
             if len(values) != entries:
                 raise ValueError(f"{what} has {len(values)} entries but the nodes make {entries}")

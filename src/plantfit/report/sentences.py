@@ -11,6 +11,7 @@ _STATUS = {
     "determined": "determined by the data",
     "weak": "weakly determined: the interval is wide",
     "flat": "not determined: the cost does not change with it",
+    "not visited": "not visited: no sample depends on it, so that it is not measured",
     "fixed": "held fixed, not fitted",
 }
 

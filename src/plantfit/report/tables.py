@@ -34,13 +34,15 @@ def scores_table(scores: list[Score]) -> Table:
 
 def parameters_table(parameters: Sequence[Parameter], caption: str = "Parameters") -> Table:
     """Values with standard errors, intervals, bounds and what is known."""
-    rows = tuple(
-        (p.name, plus_minus(p.value, p.standard_error), unit_label(p.unit), interval(p.low, p.high), _bounds(p), parameter_status(p))
-        for p in parameters
-    )
+    rows = tuple((p.name, _value(p), unit_label(p.unit), interval(p.low, p.high), _bounds(p), parameter_status(p)) for p in parameters)
     head = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "status")
-    marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound"))
+    marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound", "not visited"))
     return Table(caption, head, rows, frozenset({1, 3, 4}), marked)
+
+
+def _value(p: Parameter) -> str:
+    """A value that nothing was measured at is no estimate."""
+    return "not visited" if p.status == "not visited" else plus_minus(p.value, p.standard_error)
 
 
 def entries_tables(parameters: Sequence[Parameter]) -> list[Table]:
@@ -52,7 +54,7 @@ def entries_tables(parameters: Sequence[Parameter]) -> list[Table]:
 
 def statuses(parameters: Sequence[Parameter]) -> str:
     """`21 determined, 6 weak`."""
-    kinds = ("determined", "weak", "flat", "at bound", "fixed")
+    kinds = ("determined", "weak", "flat", "at bound", "not visited", "fixed")
     counts = {kind: sum(p.status == kind for p in parameters) for kind in kinds}
     return ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
 

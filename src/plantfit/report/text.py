@@ -60,7 +60,7 @@ def _tables(record: Findings) -> str:
             own.setdefault((p.parameter, p.recording or ""), []).append(p)
     rows = []
     for (name, recording), entries in own.items():
-        values = [p.value for p in entries if p.value is not None]
+        values = [p.value for p in entries if p.value is not None and p.status != "not visited"]
         span = f"{significant(min(values), 3, True)} to {significant(max(values), 3, True)}" if values else ""
         rows.append((name, recording, str(len(entries)), span, entries[0].unit or "", statuses(entries)))
     return columns(("table", "recording", "entries", "values", "unit", "status"), rows, right=(2,))

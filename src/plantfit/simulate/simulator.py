@@ -165,9 +165,14 @@ class Simulator:
     def outputs(self, p: Mapping[str, Any], drive: Drive) -> dict[str, Any]:
         """Every output at every sample, name -> (N,)."""
         vector = self.vector
-        x, late = self._states_with_history(p, drive) if vector.model.state_delays else (self.states(p, drive), ())
-        y = jax.vmap(vector.output, in_axes=(0, 0, None))(x, self.channels(p, drive, late), self.positional(p))
+        y = jax.vmap(vector.output, in_axes=(0, 0, None))(*self.trajectories(p, drive), self.positional(p))
         return dict(zip(vector.outputs, y, strict=True))
+
+    def trajectories(self, p: Mapping[str, Any], drive: Drive) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Every state and every channel of the model at every sample, two tuples of (N,)."""
+        late_states = bool(self.vector.model.state_delays)
+        x, late = self._states_with_history(p, drive) if late_states else (self.states(p, drive), ())
+        return x, self.channels(p, drive, late)
 
     def channels(self, p: Mapping[str, Any], drive: Drive, late_states: tuple[Any, ...] = ()) -> tuple[Any, ...]:
         """Every channel of the model at every sample, a tuple of (N,): inputs, late inputs, `late_states`, time."""

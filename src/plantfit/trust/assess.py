@@ -15,8 +15,9 @@ from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
-from plantfit.trust.parameters import parameter_rows, table_rows
+from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
 from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.table_visits import table_visits, unvisited
 from plantfit.trust.verdict import sentences
 
 COMBINATIONS = 5  # the worst that are told
@@ -36,14 +37,15 @@ def assess(
     best = min(runs, key=lambda r: r.cost)
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
-    rows = parameter_rows(problem.space, local)
+    visits = table_visits(problem, local.values)
+    rows = parameter_rows(problem.space, local, unvisited(visits))
     findings = {
         "name": problem.name,
         "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
         "scores": _scores(problem, predictions),
         "residual_tests": _residual_tests(problem, predictions),
         "parameters": rows,
-        "tables": table_rows(problem, rows),
+        "tables": table_rows(problem, rows, visits),
         "combinations": _combinations(local, rows),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
@@ -167,7 +169,7 @@ def _residual_tests(problem, predictions):
 
 def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The worst directions; one of a single parameter only when its row does not say so already."""
-    told = {row["name"] for row in rows if row["status"] in ("flat", "at bound")}
+    told = {row["name"] for row in rows if row["status"] in ("flat", "at bound", NOT_VISITED)}
     kept = [d for d in local.directions if len(d.weights) > 1 or not told.issuperset(d.weights)]
     kept.sort(key=lambda d: (len(d.weights) == 1, -d.relative_sd))
     return [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in kept[:COMBINATIONS]]

@@ -1,6 +1,6 @@
 """Rows of the findings record on parameters, entry by entry, and on the tables that entries belong to."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,17 @@ from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
 from plantfit.trust.local import OPEN, Local
+from plantfit.trust.table_visits import Visits
 
 Row = dict[str, Any]
 
 
-def parameter_rows(space: Space, local: Local) -> list[Row]:
-    """Free coordinates in the order of the space, then every fixed entry."""
-    rows = [_free(c, local, i) for i, c in enumerate(space.coordinates)]
+NOT_VISITED = "not visited"
+
+
+def parameter_rows(space: Space, local: Local, unseen: Collection[str] = ()) -> list[Row]:
+    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on."""
+    rows = [_unseen(c, local, i) if c.name in unseen else _free(c, local, i) for i, c in enumerate(space.coordinates)]
     for name, p in space.parameters.items():
         if p.value is not None and p.tied is None:
             values = np.broadcast_to(np.asarray(p.value, dtype=float), p.shape)
@@ -23,8 +27,9 @@ def parameter_rows(space: Space, local: Local) -> list[Row]:
     return rows
 
 
-def table_rows(problem: Problem, rows: Sequence[Row]) -> list[Row]:
+def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] = ()) -> list[Row]:
     """One for each parameter with a shape and each recording that has its own; entries flat in row-major order."""
+    seen = {(v.table.name, v.recording): v.samples.ravel().tolist() for v in visits}
     found: dict[tuple[str, str | None], list[Row]] = {}
     for row in rows:
         if row["index"]:
@@ -43,6 +48,7 @@ def table_rows(problem: Problem, rows: Sequence[Row]) -> list[Row]:
                 "over_units": [units.get(signal) for signal in over],
                 "nodes": [list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
                 "recording": recording,
+                "samples": seen.get((name, recording)),
                 **{key + "s" * (key == "value"): [e[key] for e in entries] for key in ("value", "low", "high", "status")},
             }
         )
@@ -67,6 +73,12 @@ def _free(c: Coordinate, local: Local, i: int) -> Row:
         "at_bound": bound,
         "status": "at bound" if bound else _status(c, value, error),
     }
+
+
+def _unseen(c: Coordinate, local: Local, i: int) -> Row:
+    """A value that a search left where it was, or a prior put there: it has no standard error and leans on no bound."""
+    nothing = {"standard_error": None, "low": None, "high": None, "at_bound": None}
+    return {**_free(c, local, i), **nothing, "status": NOT_VISITED}
 
 
 def _status(c: Coordinate, value: float, error: float) -> str:

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
+from plantfit.trust.verdict_tables import table_sentences
 from plantfit.trust.words import FEW, Sentence, estimate, number, say, some, span, with_unit
 
 Row = Mapping[str, Any]
@@ -16,8 +15,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free)
-    for name in dict.fromkeys(p["parameter"] for p in entries):
-        yield _table([p for p in entries if p["parameter"] == name], findings.get("tables", ()))
+    yield from table_sentences(entries, findings.get("tables", ()))
     for status, one, many in (("weak", _weak, _weaks), ("flat", _flat, _flats), ("at bound", _bound, _bounds)):
         rows = [p for p in single if p["status"] == status]
         for name in dict.fromkeys(p.get("parameter", p["name"]) for p in rows):
@@ -33,48 +31,6 @@ def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence
     listed = ", ".join(estimate(dict(p)) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
     text = f"The data determine {len(good)} of {total} parameters" + (f": {listed}." if listed else ".")
     yield say("good" if len(good) == total else "info", text, determined=len(good))
-
-
-_OPEN = {"weak": "only roughly known", "flat": "not determined", "at bound": "on a bound"}
-
-
-def _table(rows: Sequence[Row], tables: Sequence[Row]) -> Sentence:
-    """One sentence on all entries of a table, of all recordings."""
-    name, total = rows[0]["parameter"], len(rows)
-    count = {s: sum(p["status"] == s for p in rows) for s in ("determined", *_OPEN)}
-    good = count["determined"]
-    if good == total:
-        return say("good", f"All {total} entries of table {name} are determined by the data.", determined=good)
-    left = [f"{count[s]} {'is' if count[s] == 1 else 'are'} {word} ({_entries(rows, s)})" for s, word in _OPEN.items() if count[s]]
-    text = f"{good} of {total} entries of table {name} are determined by the data; {', '.join(left)}.{_place(name, tables)}"
-    return say("bad" if 2 * good < total else "warning", text, determined=good, open=total - good)
-
-
-def _entries(rows: Sequence[Row], status: str) -> str:
-    """The entries of this status by name, those of several recordings by number."""
-    own = [p for p in rows if p["status"] == status]
-    recordings = list(dict.fromkeys(p["recording"] for p in own))
-    if recordings == [None]:
-        return some([p["name"] for p in own])
-    if len(recordings) == 1:
-        return f"in {recordings[0]}"
-    return some([f"{sum(p['recording'] == r for p in own)} in {r}" for r in recordings])
-
-
-def _place(name: str, tables: Sequence[Row]) -> str:
-    """At which operating points no recording determines the entry; nothing where these are the whole range."""
-    own = [t for t in tables if t["name"] == name]
-    if not own:
-        return ""
-    first, parts = own[0], []
-    shape = tuple(len(nodes) for nodes in first["nodes"])
-    open_everywhere = np.all([[s == "flat" for s in t["status"]] for t in own], axis=0).reshape(shape)
-    for signal, unit, nodes, at in zip(first["over"], first["over_units"], first["nodes"], np.nonzero(open_everywhere), strict=True):
-        points = [nodes[k] for k in at]
-        if points and (min(points), max(points)) != (nodes[0], nodes[-1]):
-            parts.append(f"{signal} of {span(points, unit)}")
-    who = "No recording tells enough" if len(own) > 1 else "The data tell too little"
-    return f" {who} at {' and '.join(parts)}." if parts else ""
 
 
 def _weak(p: Row) -> Sentence:

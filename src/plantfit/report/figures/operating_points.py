@@ -35,6 +35,8 @@ def table_figure(tables: Sequence[OperatingTable]) -> Figure:
     data = [trace for k, line in enumerate(lines) for trace in _drawn(line, k, gap * _offset(k, len(lines)), first)]
     if any(s == "flat" for line in lines for s in line.status):
         data.append(_key("not determined", style.MUTED, "circle-open"))
+    if any(s == "not visited" for line in lines for s in line.status):
+        data.append(_key("not visited", style.MUTED, "x-thin-open"))
     if any(s == "at bound" for line in lines for s in line.status):
         data.append(_key("on a bound", style.WARNING, "diamond"))
     layout = style.layout(HEIGHT, showlegend=len(data) > 2, hovermode="closest", margin={"l": 56, "r": 14, "t": 40, "b": 44})
@@ -70,7 +72,7 @@ def _offset(k: int, count: int) -> float:
 def _drawn(line: Line, k: int, shift: float, table: OperatingTable) -> list[dict[str, Any]]:
     colour, dash = style.SERIES[k % len(style.SERIES)], _DASHES[k // len(style.SERIES) % len(_DASHES)]
     x, group = line.nodes + shift, f"line {k}"
-    known = np.array([s != "flat" for s in line.status])
+    known = np.array([s not in ("flat", "not visited") for s in line.status])
     through = {
         "type": "scatter",
         "mode": "lines",
@@ -84,6 +86,7 @@ def _drawn(line: Line, k: int, shift: float, table: OperatingTable) -> list[dict
     looks = (
         (("determined", "weak", "fixed"), colour, "circle"),
         (("flat",), style.MUTED, "circle-open"),
+        (("not visited",), style.MUTED, "x-thin-open"),
         (("at bound",), style.WARNING, "diamond"),
     )
     return [through, *(_points(line, x, kinds, look, symbol, group, table) for kinds, look, symbol in looks if {*kinds} & {*line.status})]
@@ -117,6 +120,8 @@ def _points(line: Line, x: np.ndarray, kinds: Sequence[str], colour: str, symbol
 def _words(line: Line, k: int, table: OperatingTable) -> str:
     unit = f" {unit_label(table.unit)}" if unit_label(table.unit) else ""
     over = f" {unit_label(table.over_units[-1])}" if unit_label(table.over_units[-1]) else ""
+    if line.status[k] == "not visited":
+        return f"{line.name}, {table.over[-1]} = {significant(float(line.nodes[k]))}{over}: not visited, so not measured"
     sure = "" if np.isnan(line.low[k]) else f"; 95 % interval {interval(float(line.low[k]), float(line.high[k]))}"
     where = f"{table.over[-1]} = {significant(float(line.nodes[k]))}{over}"
     return f"{line.name}, {where}: {significant(float(line.values[k]))}{unit}{sure} ({line.status[k]})"
@@ -136,13 +141,13 @@ def _key(name: str, colour: str, symbol: str) -> dict[str, Any]:
 
 def _range(lines: Sequence[Line]) -> list[float] | None:
     """All values and the intervals of what is determined; wide bars of what is not run out of the figure."""
-    known = [v for line in lines for v in line.values]
+    known = [v for line in lines for v, s in zip(line.values, line.status, strict=True) if s != "not visited"]
     known += [
         v
         for line in lines
         for ends in (line.low, line.high)
         for v, s in zip(ends, line.status, strict=True)
-        if s not in ("flat", "at bound")
+        if s not in ("flat", "at bound", "not visited")
     ]
     finite = [float(v) for v in known if np.isfinite(v)]
     if not finite:

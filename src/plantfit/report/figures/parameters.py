@@ -40,7 +40,8 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
 
 def drawable(parameters: Sequence[Parameter]) -> list[Parameter]:
     """Parameters with a value and both bounds; fixed ones have no place to be drawn at."""
-    return [p for p in parameters if None not in (p.value, p.lower_bound, p.upper_bound) and p.status != "fixed" and _width(p) > 0]
+    unknown = ("fixed", "not visited")
+    return [p for p in parameters if None not in (p.value, p.lower_bound, p.upper_bound) and p.status not in unknown and _width(p) > 0]
 
 
 def position(parameter: Parameter, value: float) -> float:
