@@ -29,7 +29,7 @@ class Local:
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,)."""
-    space, blocks = problem.space, _blocks(problem)
+    space, blocks = problem.space, residual_blocks(problem)
     residuals, jacobian = problem.residuals_and_jacobian(z)
     lower, upper = _held(z, jacobian, residuals)
     free = ~(lower | upper)
@@ -59,7 +59,8 @@ def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[n
     return (z <= EDGE) & (gradient >= 0) & pressed, (z >= 1 - EDGE) & (gradient <= 0) & pressed
 
 
-def _blocks(problem: Problem) -> list[Block]:
+def residual_blocks(problem: Problem) -> list[Block]:
+    """Where the residuals of every output in every recording stand."""
     blocks, start = [], 0
     for name in problem.data["drive"]:
         for output in problem.outputs:
