@@ -87,8 +87,8 @@ def morris(
         )
     rows, costs = rows[np.repeat(kept, walk)], costs[np.repeat(kept, walk)]
     found = analyze.analyze(design, rows, costs, num_levels=levels, num_resamples=resamples, conf_level=confidence, seed=resampling)
-    series = (np.asarray(np.ma.filled(found[k], np.nan), dtype=float) for k in ("mu_star", "mu_star_conf", "mu", "sigma"))
+    mu_star, half, mu, sigma = (np.asarray(np.ma.filled(found[k], np.nan), dtype=float) for k in ("mu_star", "mu_star_conf", "mu", "sigma"))
     sizes = tuple(box.groups.count(name) for name in box.names)
     names = tuple(str(n) for n in found["names"])
     dropped = int(trajectories - np.sum(kept))
-    return Screening(names, sizes, *series, trajectories, dropped, trajectories * walk, radius, confidence)
+    return Screening(names, sizes, mu_star, half, mu, sigma, trajectories, dropped, trajectories * walk, radius, confidence)

@@ -83,8 +83,7 @@ def sobol_indices(
         )
         raise SearchError(f"No variance can be shared out: {reason}; look at a box where the model runs and the cost changes.")
     found = analyze.analyze(design, costs, calc_second_order=False, num_resamples=resamples, conf_level=confidence, seed=resampling)
-    series = (np.asarray(found[k], dtype=float) for k in ("S1", "S1_conf", "ST", "ST_conf"))
+    first, first_half, total, total_half = (np.asarray(found[k], dtype=float) for k in ("S1", "S1_conf", "ST", "ST_conf"))
     sizes = tuple(box.groups.count(name) for name in box.names)
-    return SobolIndices(
-        box.names, sizes, *series, samples, int(samples - np.sum(kept)), len(box.names) * samples + 2 * samples, radius, confidence
-    )
+    dropped = int(samples - np.sum(kept))
+    return SobolIndices(box.names, sizes, first, first_half, total, total_half, samples, dropped, samples * copies, radius, confidence)
