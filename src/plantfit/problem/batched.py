@@ -31,6 +31,7 @@ class Numbers(NamedTuple):
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
     scale: tuple[Any, ...]  # per output
+    weight: Any = None  # (L,) of the squares of every record; None: 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +74,15 @@ class Batched:
         """The same records with other steps."""
         return dataclasses.replace(self, simulator=simulator)
 
-    def numbers(self, drives: Mapping[str, Drive], scales: Mapping[str, float]) -> Numbers:
-        """The pytree that the functions below take."""
+    def numbers(self, drives: Mapping[str, Drive], scales: Mapping[str, float], weights: Mapping[str, float] | None = None) -> Numbers:
+        """The pytree that the functions below take; `weights` are those of the records' squares, 1 if None."""
         first = [drives[n] for n in self.names]
         return Numbers(
             self.rows.chunks,
             tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
             tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
             tuple(np.asarray(scales[o]) for o in self.simulator.vector.outputs),
+            None if weights is None else np.array([weights[n] for n in self.names]),
         )
 
     @property
@@ -98,7 +100,7 @@ class Batched:
     def cost(self, z: Any, numbers: Numbers, *, reverse: bool = False) -> Any:
         """Mean squared scaled residual at a cube point (d,); differentiable only with `reverse`, and backwards."""
         p, x0 = self._start(z[self.local], numbers)
-        squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, reverse=reverse)
+        squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, numbers.weight, reverse=reverse)
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
 
     def costs(self, zs: Any, numbers: Numbers) -> Any:
@@ -114,7 +116,10 @@ class Batched:
     def residuals(self, z: Any, numbers: Numbers) -> Any:
         """Scaled residuals (m,), recording by recording, output by output."""
         placed = [r.reshape(-1) / s for r, s in zip(self._placed(z[self.local], numbers), numbers.scale, strict=True)]
-        return jnp.concatenate([jnp.take(r, i) for record in self.picked for r, i in zip(placed, record, strict=True)])
+        roots = self._roots(numbers)
+        return jnp.concatenate(
+            [jnp.take(r, i) * w for record, w in zip(self.picked, roots, strict=True) for r, i in zip(placed, record, strict=True)]
+        )
 
     def blocks(self, z: Any, numbers: Numbers) -> list[tuple[Any, Any]]:
         """For every record its scaled residuals (m_k,) and their derivatives (m_k, q) by its local coordinates."""
@@ -122,11 +127,15 @@ class Batched:
         r, columns = (self._pulled if batch.few_edges(numbers.rows) else self._pushed)(z[self.local], numbers)
         return [
             (
-                jnp.concatenate([jnp.take(a, i) for a, i in zip(r, record, strict=True)]),
-                jnp.concatenate([jnp.take(a, i, axis=0) @ by for a, i in zip(columns, record, strict=True)]),
+                jnp.concatenate([jnp.take(a, i) * w for a, i in zip(r, record, strict=True)]),
+                jnp.concatenate([jnp.take(a, i, axis=0) @ (by * w) for a, i in zip(columns, record, strict=True)]),
             )
-            for record, by in zip(self.picked, self._makers(z[self.local], numbers), strict=True)
+            for record, by, w in zip(self.picked, self._makers(z[self.local], numbers), self._roots(numbers), strict=True)
         ]
+
+    def _roots(self, numbers: Numbers) -> Any:
+        """What the residuals of every record are multiplied by (L,)."""
+        return np.ones(len(self.names)) if numbers.weight is None else jnp.sqrt(numbers.weight)
 
     def _makers(self, local, numbers: Numbers):
         """(L, e, q): derivatives of all entries of parameters and initial states by the local coordinates."""

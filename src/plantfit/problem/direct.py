@@ -35,15 +35,21 @@ class Direct:
         values = self.space.physical(z)
         parts = []
         for name in self._present(data):
+            root = jnp.sqrt(self._weight(name, data))
             y = self.predictor.outputs(self.space.tree(values, name), data["drive"][name])
             for output in self.outputs:
                 picked = jnp.take(y[output], data["index"][name][output])
-                parts.append((picked - data["measured"][name][output]) / data["scale"][output])
+                parts.append(root * (picked - data["measured"][name][output]) / data["scale"][output])
         return jnp.concatenate(parts)
 
     def _present(self, data: Any) -> list[str]:
         """Recordings in the order of the problem; a compiled function gets its mappings sorted by name."""
         return [n for n in self.names if n in data["drive"]]
+
+    @staticmethod
+    def _weight(name: str, data: Any) -> Any:
+        """How often the squares of a recording count."""
+        return data["weight"][name] if "weight" in data else 1.0
 
     def cost(self, z: Any, data: Any) -> Any:
         """Mean of the squared scaled residuals at a cube point (d,); of a regression without looking at its samples again."""
@@ -54,7 +60,7 @@ class Direct:
         for name in self._present(data):
             base = self.predictor.coefficients(self.space.tree(values, name))
             for output, triangle in data["triangles"][name].items():
-                squares = squares + triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
+                squares = squares + self._weight(name, data) * triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
                 count = count + triangle.n
         return squares / count
 
@@ -66,7 +72,7 @@ class Direct:
             base = self.predictor.coefficients(self.space.tree(values, name))
             for output, triangle in data["triangles"][name].items():
                 rows = jnp.append(triangle.R @ base - triangle.projected, jnp.sqrt(triangle.rest))
-                parts.append(rows / data["scale"][output])
+                parts.append(rows * jnp.sqrt(self._weight(name, data)) / data["scale"][output])
                 count = count + triangle.n
         short = jnp.concatenate(parts)
         return short * jnp.sqrt(len(short) / count)

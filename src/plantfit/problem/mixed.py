@@ -38,11 +38,13 @@ class Mixed:
         begin = dict(zip(grouped, np.cumsum([0, *(self.counts[n] for n in grouped)])[:-1], strict=True))
         return np.concatenate([begin[n] + np.arange(self.counts[n]) for n in self.counts])
 
-    def arguments(self, drives: Mapping[str, Any], scales: Mapping[str, float], data: Mapping[str, Any]) -> Any:
+    def arguments(
+        self, drives: Mapping[str, Any], scales: Mapping[str, float], data: Mapping[str, Any], weights: Mapping[str, float] | None
+    ) -> Any:
         """The numbers of both."""
         rest = [n for n in self.counts if n not in self.moving.names]
         still = {**data, **{k: {n: data[k][n] for n in rest} for k in ("drive", "index", "measured")}}
-        return self.moving.numbers(drives, scales), still
+        return self.moving.numbers(drives, scales, weights), still
 
     def _share(self) -> float:
         return sum(self.counts[n] for n in self.moving.names) / sum(self.counts.values())

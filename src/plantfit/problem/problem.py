@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -34,7 +34,8 @@ class Problem:
     first share of a single recording and keeps the rest unseen; `validate` names recordings that
     are only predicted. `parameters` change what the model declares. `scales` divide the residual
     of each output (in its unit); by default 1 for one output, its standard deviation for several.
-    The cost is the mean of the squared scaled residuals, so that its root is the RMSE.
+    The cost is the mean of the squared scaled residuals, so that its root is the RMSE: over all samples
+    with `balance` "samples", else ("recordings") of the means of the recordings, so that long ones count as short ones.
 
     `hold` tells for each input how it goes on between samples, "previous" (default) or "linear".
     `stepper` and `substeps` as in `Simulator`; substeps None lets `fit` choose them.
@@ -52,6 +53,7 @@ class Problem:
         scales: Mapping[str, float] | None = None,
         hold: Mapping[str, str] | None = None,
         before: Mapping[str, float] | None = None,
+        balance: Literal["samples", "recordings"] = "samples",
         stepper: str = "exponential",
         substeps: int | None = None,
         name: str = "fit",
@@ -65,6 +67,7 @@ class Problem:
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales = self._scales(scales)
+        self.weights = self._weights(balance)
 
     def _refuse_unfitted(self) -> None:
         """A recording that is only predicted cannot give values to parameters of its own."""
@@ -116,6 +119,16 @@ class Problem:
             result[output] = float(scale)
         return result
 
+    def _weights(self, balance: str) -> dict[str, float] | None:
+        """How often the squares of each fitted recording count; None: once."""
+        if balance not in ("samples", "recordings"):
+            raise SpaceError(f"balance = {balance!r} is not known; use 'samples' or 'recordings'.")
+        if balance == "samples":
+            return None
+        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
+        share = sum(counts.values()) / sum(c > 0 for c in counts.values())
+        return {n: share / max(c, 1) for n, c in counts.items()}
+
     # -- variants ---------------------------------------------------------------------------------
 
     def with_scales(self, scales: Mapping[str, float]) -> "Problem":
@@ -148,6 +161,8 @@ class Problem:
             "measured": {n: {o: self._measured[n, o] for o in self.outputs} for n in keys},
             "scale": {o: np.asarray(self.scales[o]) for o in self.outputs},
         }
+        if self.weights is not None:
+            found["weight"] = {n: np.asarray(w) for n, w in self.weights.items()}
         if isinstance(self.model, LinearModel):
             found["triangles"] = {
                 n: {
@@ -166,9 +181,9 @@ class Problem:
         if isinstance(functions, Direct):
             return self.data
         if isinstance(functions, Batched):
-            numbers: Any = functions.numbers(self._fit_drive, self.scales)
+            numbers: Any = functions.numbers(self._fit_drive, self.scales, self.weights)
         else:
-            numbers = functions.arguments(self._fit_drive, self.scales, self.data)
+            numbers = functions.arguments(self._fit_drive, self.scales, self.data, self.weights)
         with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
             return jax.tree.map(jnp.asarray, numbers)
 

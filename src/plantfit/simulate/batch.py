@@ -29,8 +29,11 @@ class Batch:
     simulator: Simulator
     windows: str
 
-    def squares(self, p: Any, x0: Any, chunks: Chunks, *, reverse: bool = False) -> Any:
-        """Sum of squared residuals of every output, a tuple of scalars; derivatives only with `reverse`, and backwards."""
+    def squares(self, p: Any, x0: Any, chunks: Chunks, weight: Any = None, *, reverse: bool = False) -> Any:
+        """Sum of squared residuals of every output, a tuple of scalars; derivatives only with `reverse`, and backwards.
+
+        Squares of record l count `weight[l]` times, (L,), once without.
+        """
         totals = tuple(jnp.zeros(()) for _ in chunks.measured)
 
         def body(carry, chunk: Chunks):
@@ -39,7 +42,9 @@ class Batch:
             plain = lambda: self._running(p_rows, x, chunk, False, reverse)  # noqa: E731
             late = lambda: self._running(p_rows, x, chunk, True, reverse)  # noqa: E731
             x, more = self._choose(chunk, plain, late)
-            return (x, tuple(a + b for a, b in zip(totals, more, strict=True))), None
+            if weight is not None:
+                more = tuple(m * weight.at[chunk.lane].get(mode="promise_in_bounds") for m in more)
+            return (x, tuple(a + jnp.sum(b) for a, b in zip(totals, more, strict=True))), None
 
         (_, totals), _ = jax.lax.scan(body, (self._empty(x0, chunks), totals), chunks)
         return totals
@@ -129,14 +134,13 @@ class Batch:
     # -- sums without trajectories ------------------------------------------------------------------
 
     def _running(self, p_rows, x, chunk: Chunks, late: bool, reverse: bool):
-        """States at the end and the sums over the chunk."""
+        """States at the end and the sums (R,) over the chunk."""
         if late and sum(k.knots.shape[0] for k in chunk.knots) > MOST_EDGES:
             x, y = self._trajectory(p_rows, x, chunk, True, reverse)
-            return x, tuple(jnp.sum(_scored(a, m, w) ** 2) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True))
+            return x, tuple(jnp.sum(_scored(a, m, w) ** 2, axis=0) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True))
         run = summed(self.simulator, late, reverse=reverse)
         row = Row(chunk.t[:-1], chunk.t[1:], chunk.start, chunk.slope, chunk.at, chunk.measured, chunk.scored)
-        x, totals = jax.vmap(run, in_axes=(0, 0, -1, -1))(p_rows, x, row, chunk.knots)
-        return x, tuple(jnp.sum(a) for a in totals)
+        return jax.vmap(run, in_axes=(0, 0, -1, -1))(p_rows, x, row, chunk.knots)
 
     # -- trajectories -------------------------------------------------------------------------------
 

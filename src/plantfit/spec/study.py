@@ -62,6 +62,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
         experiments,
         {n: _parameter(p) for n, p in table.parameters.items()},
         scales=table.scales,
+        balance=table.balance,
         hold=table.model.hold,
         stepper=table.simulation.stepper,
         substeps=table.simulation.substeps,

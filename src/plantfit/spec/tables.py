@@ -117,6 +117,7 @@ class SpecTable(_Table):
     simulation: SimulationTable = SimulationTable()
     search: SearchTable = SearchTable()
     scales: dict[str, Annotated[float, Field(gt=0)]] = {}
+    balance: Literal["samples", "recordings"] = "samples"
 
 
 def validated(text: str, path: Path) -> SpecTable:
