@@ -1,6 +1,5 @@
 """The two tasks of the steam chamber as problems: constants for each opening, and tables for each opening."""
 
-import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,7 +10,7 @@ from plantfit.models.model import Declared, Model
 from plantfit.models.steam_chamber import steam_chamber
 from plantfit.problem.experiment import Experiment
 from plantfit.problem.problem import Problem
-from plantfit.recording.record import Recording, Signal
+from plantfit.recording.record import Recording
 from plantfit.space import Parameter
 
 STATIC_START = {"k": 0.2, "A1": 45.0, "A2": 15.0, "Td": 0.5}  # the paper's, section IV.A
@@ -52,35 +51,26 @@ def static_problem(
 def dynamic_problem(recordings: Mapping[str, Recording], *, weighted: bool = False, substeps: int = 1) -> Problem:
     """Tables k, A1, A2 over 10 nodes and Td of each opening: 31 parameters for each, 310 for ten.
 
-    Its cost is the mean over all samples. `weighted` makes it `total_cost`: each opening's pressure is then multiplied,
-    in the model as in the record, by the root of all samples over its own, a constant input "weight".
+    Its cost is the mean over all samples, with `weighted` it is `total_cost`.
     """
     own = {n: Parameter(per_recording=True) for n in ("k", "A1", "A2", "Td")}
     if not weighted:
         return Problem(steam_chamber(), _steps(recordings), own, substeps=substeps, name="dynamic")
-    plain = steam_chamber()
-    model = dataclasses.replace(
-        plain,
-        name="weighted_steam_chamber",
-        inputs={**plain.inputs, "weight": "1"},
-        output=lambda x, u, p: {"y": x["x1"] * u["weight"]},
-    )
-    samples = sum(len(r) - 1 for r in recordings.values())
-    steps = _steps({n: _with_weight(r, float(np.sqrt(samples / (len(r) - 1)))) for n, r in recordings.items()})
-    return Problem(model, steps, own, substeps=substeps, name="dynamic")
+    scale = {"y": len(recordings) ** -0.5}  # the sum over openings in place of their mean
+    return Problem(steam_chamber(), _steps(recordings), own, balance="recordings", scales=scale, substeps=substeps, name="dynamic")
 
 
 def total_cost(problem: Problem, z: np.ndarray) -> float:
-    """Equation (7) at a cube point (d,): the sum over openings of the mean squared error, bar^2. Not for a `weighted` problem."""
+    """Equation (7) at a cube point (d,): the sum over openings of the mean squared error, bar^2."""
     return float(sum(opening_costs(problem, z).values()))
 
 
 def opening_costs(problem: Problem, z: np.ndarray) -> dict[str, float]:
     """Mean squared error (bar^2) of every opening at a cube point (d,)."""
-    squares, costs, start = np.asarray(problem.residuals(z)) ** 2, {}, 0
+    squares, costs, start = (problem.scales["y"] * np.asarray(problem.residuals(z))) ** 2, {}, 0
     for name in problem.data["drive"]:
-        count = len(problem.data["index"][name]["y"])
-        costs[name], start = float(np.mean(squares[start : start + count])), start + count
+        count, weight = len(problem.data["index"][name]["y"]), 1.0 if problem.weights is None else problem.weights[name]
+        costs[name], start = float(np.mean(squares[start : start + count])) / weight, start + count
     return costs
 
 
@@ -94,13 +84,3 @@ def _steps(recordings: Mapping[str, Recording], until: float = np.inf) -> dict[s
     """Steps from rest; the sample at t = 0 is not scored, as in the paper."""
     before = {"u": 0.0}
     return {n: Experiment(r, fit=(0.5 * float(r.t[1] - r.t[0]), until + 1e-6), before=before) for n, r in recordings.items()}
-
-
-def _with_weight(recording: Recording, weight: float) -> Recording:
-    y = recording.signals["y"]
-    signals = {
-        "u": recording.signals["u"],
-        "weight": Signal(np.full(len(recording), weight), "1"),
-        "y": Signal(weight * y.values, y.unit),
-    }
-    return Recording(recording.t, signals, recording.name, (*recording.log, f"y: multiplied by {weight:g}, its weight in the total cost."))
