@@ -97,6 +97,17 @@ def test_the_current_is_read_over_its_window_with_noise_in_steps():
     assert run.exact["I"][4] == pytest.approx(np.sqrt(np.mean(i**2)), rel=0.03)
 
 
+def test_a_hall_sensor_keeps_the_sign_of_the_current():
+    t = np.arange(400) * 1e-3
+    wave = rec.Recording(t, {"V": rec.Signal(6 * np.sin(30 * t), "V")})
+    run = DcMotorRig(current="signed").record(2, wave)
+    assert "I" not in run.recording.signals
+    error = run.recording["i"] - run.exact["i"]
+    assert np.min(run.recording["i"]) < -0.1 < 0.1 < np.max(run.recording["i"])
+    assert np.std(error) == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(12)), rel=0.15)
+    assert abs(np.mean(error)) < 4 * 2e-3 / np.sqrt(len(t))
+
+
 def test_a_seed_gives_the_same_run_and_impossible_settings_are_refused():
     again, other = RIG.record(seed=3), RIG.record(seed=4)
     for name in RUN.recording.signals:
@@ -108,3 +119,5 @@ def test_a_seed_gives_the_same_run_and_impossible_settings_are_refused():
         DcMotorRig({})
     with pytest.raises(SimulationError, match="efficiency is 98"):
         DcMotorRig(efficiency=98)
+    with pytest.raises(SimulationError, match="current is 'hall'"):
+        DcMotorRig(current="hall")  # type: ignore[arg-type]

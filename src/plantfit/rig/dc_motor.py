@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,8 +33,9 @@ class DcMotorRig:
     `parameters` are those of `models.dc_motor` (ohm, H, V s/rad, N m/A, kg m^2, N m s/rad, N m), `load` a constant torque (N m).
     The bridge takes a duty in whole counts of `bits` at `supply` V and `efficiency`. The encoder has `pulses` slots and
     turns once for `ratio` turns of the motor; `slot_error` is the rms error of a slot's place as a share of its width. A timer of
-    `tick` s measures the last pulse's period, `timeout` s where none comes. The current's RMS is over `window` s, with
-    `current_noise` (A rms) in steps of `current_step` (A). A sample every `period` s for `duration` s; `substeps` between two.
+    `tick` s measures the last pulse's period, `timeout` s where none comes. `current` "rms" is a meter's RMS over `window` s,
+    "signed" what a Hall sensor reads at the moment, both with `current_noise` (A rms) in steps of `current_step` (A). A sample every
+    `period` s for `duration` s; `substeps` between two.
     """
 
     parameters: Mapping[str, float] = field(default_factory=lambda: dict(ROBOT_MOTOR))
@@ -47,6 +48,7 @@ class DcMotorRig:
     slot_error: float = 0.02
     tick: float = 1e-6
     timeout: float = 0.1
+    current: Literal["rms", "signed"] = "rms"
     window: float = 1e-3
     current_noise: float = 2e-3
     current_step: float = 1e-3
@@ -63,6 +65,8 @@ class DcMotorRig:
                 raise SimulationError(f"The motor rig's {name} is {getattr(self, name)}; give 0 or more.")
         if not 0 < self.efficiency <= 1:
             raise SimulationError(f"The motor rig's efficiency is {self.efficiency}; give a share above 0 and at most 1, such as 0.98.")
+        if self.current not in ("rms", "signed"):
+            raise SimulationError(f"The motor rig's current is {self.current!r}; use 'rms' or 'signed'.")
         missing = [n for n in ROBOT_MOTOR if n not in self.parameters]
         if missing:
             raise SimulationError(f"The motor rig has no value for {missing[0]!r}; give it in parameters, with {list(ROBOT_MOTOR)}.")
@@ -73,8 +77,8 @@ class DcMotorRig:
         """One run from rest; noise, the encoder's phase and its slots come from `seed`.
 
         `excitation` is a constant voltage (V) or a recording with a signal "V", held between its samples, which also sets the
-        duration. The bridge gives the nearest duty. The recording has duty (counts), N (pulses), Tp (s) and I (A, RMS); clean it
-        by `duty_to_voltage` and `period_to_speed`. Raises SimulationError for a voltage beyond the bridge's.
+        duration. The bridge gives the nearest duty. The recording has duty (counts), N (pulses), Tp (s) and I (A, RMS) or i (A,
+        signed); clean it by `duty_to_voltage` and `period_to_speed`. Raises SimulationError for a voltage beyond the bridge's.
         """
         rng = np.random.default_rng(seed)
         t, duty = self._duty(excitation)
@@ -87,10 +91,11 @@ class DcMotorRig:
         pulses = capture(fine, turned / self.ratio + 2 * np.pi * phase / self.pulses, t, self.pulses, slots, self.tick, self.timeout)
         at = slice(None, None, self.substeps)
         rms = self._rms(i)[at]
-        shown = rms + self.current_noise * rng.standard_normal(len(t))
+        shown = (rms if self.current == "rms" else i[at]) + self.current_noise * rng.standard_normal(len(t))
         if self.current_step > 0:
             shown = self.current_step * np.round(shown / self.current_step)
-        seen = {"duty": (duty, "PWM"), "N": (pulses.counts, "counts"), "Tp": (pulses.period, "s"), "I": (np.maximum(shown, 0.0), "A")}
+        seen = {"duty": (duty, "PWM"), "N": (pulses.counts, "counts"), "Tp": (pulses.period, "s")}
+        seen |= {"I": (np.maximum(shown, 0.0), "A")} if self.current == "rms" else {"i": (shown, "A")}
         true = {"V": (volts, "V"), "i": (i[at], "A"), "w": (w[at], "rad/s"), "I": (rms, "A"), "angle": (turned[at], "rad")}
         told = f"Virtual DC motor, seed {seed}: {self.pulses} pulses, {self.tick:g} s timer, {self.current_noise:g} A rms noise."
         truth = {
@@ -141,8 +146,8 @@ class DcMotorRig:
 
 
 _SETTINGS = (
-    "supply", "bits", "efficiency", "pulses", "ratio", "slot_error", "tick", "timeout", "window", "current_noise", "current_step", "period",
-    "substeps",
+    "supply", "bits", "efficiency", "pulses", "ratio", "slot_error", "tick", "timeout", "current", "window", "current_noise",
+    "current_step", "period", "substeps",
 )  # fmt: skip
 
 
