@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from plantfit.cli import bench
+from plantfit.cli import bench, sensitivity
 from plantfit.errors import PlantfitError
 
 app = typer.Typer(
@@ -248,6 +248,7 @@ def tune_search(
 
 app.command()(bench.excite)
 app.command()(bench.record)
+app.command()(sensitivity.sensitivity)
 
 
 @app.command()

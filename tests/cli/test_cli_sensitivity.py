@@ -1,0 +1,62 @@
+"""`plantfit sensitivity`: the same figures as in Python, and one sentence for what cannot be."""
+
+import json
+
+import numpy as np
+import pytest
+from cli_call import call, heater
+
+from plantfit import load
+from plantfit.problem.steps import choose_substeps
+from plantfit.trust import morris, sobol_indices
+
+AT = ["--set", "K=0.8", "--set", "T0=21", "--set", "tau=40", "--set", "L=3.4"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heater(tmp_path)
+    return tmp_path
+
+
+def test_morris_around_a_point(folder, capsys, monkeypatch):
+    said = call(capsys, monkeypatch, "sensitivity", "heater.toml", *AT, "--seed", "5", "--out", "page.html", "--json")
+    assert said.code == 0, said.err
+    problem = choose_substeps(load("heater.toml").problem)
+    at = problem.space.cube(problem.space.vector({"K": 0.8, "T0": 21.0, "tau": 40.0, "L": 3.4}))
+    own = morris(problem, at, seed=5)
+    rows = json.loads(said.out)["groups"]
+    assert [r["group"] for r in rows] == ["K", "T0", "tau", "L"]
+    np.testing.assert_allclose([r["mu_star"] for r in rows], own.mu_star)
+    assert "Elementary effects by group" in (folder / "page.html").read_text("utf-8")
+
+
+def test_sobol_over_the_box_by_group(folder, capsys, monkeypatch):
+    words = ["--method", "sobol", "--samples", "64", "--group", "rest=K,T0", "--group", "speed=tau,L"]
+    said = call(capsys, monkeypatch, "sensitivity", "heater.toml", *words)
+    assert said.code == 0, said.err
+    problem = choose_substeps(load("heater.toml").problem)
+    own = sobol_indices(problem, groups={"rest": ["K", "T0"], "speed": ["tau", "L"]}, samples=64)
+    assert f"{own.total[0]:.4g}" in said.out
+    assert "over the whole box; 256 evaluations" in said.out
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--method", "fast"], 8, "--method fast is unknown; use one of ['morris', 'sobol']"),
+        ([*AT[:-1], "L=30"], 6, "L = 30 lies outside of its bounds [0, 20]"),
+        (["--set", "K=0.8"], 10, "plantfit.db"),
+        ([*AT, "--group", "slow=mass"], 6, "Group 'slow' names 'mass', which is no free parameter"),
+        ([*AT, "--group", "slow"], 6, "--group 'slow' cannot be read"),
+        (["--box", "--radius", "0.1"], 8, "give one of them"),
+        (["--method", "sobol", "--samples", "100"], 8, "give 64 or 128"),
+        ([*AT, "--trajectories", "1"], 8, "trajectories = 1; give a whole number of at least 2"),
+    ],
+)
+def test_bad_input_is_one_sentence(folder, capsys, monkeypatch, words, code, said):
+    heard = call(capsys, monkeypatch, "sensitivity", "heater.toml", *words)
+    assert heard.code == code, heard.err
+    assert said in heard.err
+    assert "Traceback" not in heard.err
