@@ -3,10 +3,11 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
+from scipy.linalg import expm
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.linear_plant import LinearPlant, by_name, discretised
+from plantfit.control.riccati import filter_gain
 from plantfit.errors import SimulationError
 
 import jax.numpy as jnp
@@ -54,14 +55,8 @@ def kalman_observer(plant: LinearPlant, period: float, process: Any, measurement
     if not np.all(seen > 0):
         raise SimulationError(f"measurement = {measurement}; give a standard deviation above 0 for each of {list(plant.outputs)}.")
     q, r = sampled_noise(plant.A, np.diag(rate**2), period), np.diag(seen**2)
-    try:
-        p = solve_discrete_are(sampled.A.T, sampled.C.T, q, r)
-        gain = np.linalg.solve(sampled.C @ p @ sampled.C.T + r, sampled.C @ p).T
-        # the solver may return a covariance that no filter has
-        slowest = np.abs(np.linalg.eigvals(sampled.A - sampled.A @ gain @ sampled.C)).max()
-    except (LinAlgError, ValueError):
-        slowest, gain = np.inf, sampled.C.T
-    if not slowest < 1.0:
+    gain = filter_gain(sampled.A, sampled.C, q, r)
+    if gain is None:
         raise SimulationError(
             f"No steady Kalman filter exists for the outputs {list(plant.outputs)}: a state that they do not show grows or wanders "
             "freely; measure more, or let other states wander."

@@ -3,12 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_discrete_are
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.design import Design, Limits, followed, limits_of, named, stacked, weight
 from plantfit.control.kalman import Estimator, fitting
 from plantfit.control.linear_plant import LinearPlant, discretised
+from plantfit.control.riccati import regulator_gain
 from plantfit.errors import SimulationError
 from plantfit.simulate.closed_loop import Controller
 
@@ -44,19 +44,13 @@ def lqr(plant: LinearPlant, period: float, Q: Any, R: Any, *, estimator: Estimat
 
 def regulator(plant: LinearPlant, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Gain (m, n) and cost-to-go P (n, n) of a discrete plant."""
-    try:
-        p = solve_discrete_are(plant.A, plant.B, q, r)
-        gain = np.linalg.solve(r + plant.B.T @ p @ plant.B, plant.B.T @ p @ plant.A)
-        # the solver may return a cost that holds nothing
-        slowest = np.abs(np.linalg.eigvals(plant.A - plant.B @ gain)).max()
-    except (LinAlgError, ValueError):
-        slowest, gain, p = np.inf, plant.B.T, plant.A
-    if not slowest < 1.0:
+    found = regulator_gain(plant.A, plant.B, q, r)
+    if found is None:
         raise SimulationError(
             f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows or lasts, and is not moved by "
             "the inputs or not weighted; weigh it, or drive more inputs."
         )
-    return gain, p
+    return found
 
 
 def state_feedback(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple[str, ...]) -> Controller:

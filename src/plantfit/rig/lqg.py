@@ -4,7 +4,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import cont2discrete
+
+from plantfit.control.riccati import filter_gain, regulator_gain
+from plantfit.errors import SimulationError
 
 
 class Weights(NamedTuple):
@@ -45,9 +48,10 @@ def scheduled_lqg(
 
     `linearised(value)` gives A (n, n) and B (n, 1) in continuous time at the equilibrium of that value; the input is held
     over `period` (s). Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., chapter 9.
+    Raises SimulationError where no controller holds the plant.
     """
     values = np.linspace(along.min(), along.max(), nodes if np.ptp(along) > 0 else 1)
-    designs = [_design(*linearised(float(value)), period, weights, measured) for value in values]
+    designs = [_design(float(value), *linearised(float(value)), period, weights, measured) for value in values]
     share = np.interp(along, values, np.arange(len(values)))
     below = np.minimum(share.astype(int), max(len(values) - 2, 0))
     above = np.minimum(below + 1, len(values) - 1)
@@ -60,14 +64,13 @@ def scheduled_lqg(
     return Lqg(*(along_the_way(k) for k in range(4)))
 
 
-def _design(a: np.ndarray, b: np.ndarray, period: float, weights: Weights, measured: int) -> Any:
-    n = len(a)
-    both = expm(period * np.block([[a, b], [np.zeros((1, n + 1))]]))
-    transition, push = both[:n, :n], both[:n, n:]
+def _design(value: float, a: np.ndarray, b: np.ndarray, period: float, weights: Weights, measured: int) -> Any:
+    seen, noise = np.eye(measured, len(a)), weights.noise**2 * np.eye(measured)
+    sampled: Any = cont2discrete((a, b, seen, np.zeros((measured, 1))), period, "zoh")
+    transition, push = sampled[:2]
     cost = np.diag([0.0 if w == 0 else 1.0 / w**2 for w in weights.states])
-    p = solve_discrete_are(transition, push, cost, np.array([[1.0 / weights.input**2]]))
-    gain = np.linalg.solve(1.0 / weights.input**2 + push.T @ p @ push, push.T @ p @ transition)[0]
-    seen, noise = np.eye(measured, n), weights.noise**2 * np.eye(measured)
-    s = solve_discrete_are(transition.T, seen.T, weights.disturbance**2 * push @ push.T, noise)
-    observer = s @ seen.T @ np.linalg.inv(seen @ s @ seen.T + noise)
-    return gain, transition, push[:, 0], observer
+    regulator = regulator_gain(transition, push, cost, np.array([[1.0 / weights.input**2]]))
+    observer = filter_gain(transition, seen, weights.disturbance**2 * push @ push.T, noise)
+    if regulator is None or observer is None:
+        raise SimulationError(f"No LQG design with {weights} holds the plant at {value:g}; weigh a state that grows, or measure more.")
+    return regulator[0][0], transition, push[:, 0], observer
