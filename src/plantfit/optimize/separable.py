@@ -20,7 +20,7 @@ FLAT = 1e-3  # smallest scale of a coordinate, as a share of the largest
 
 
 @dataclass
-class _Block:
+class Block:
     """The search of one block: its point (q,), residuals (k,), derivatives (k, q); and the answers found before."""
 
     own: np.ndarray
@@ -110,7 +110,7 @@ def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, 
     x = np.clip(np.asarray(start, dtype=float), 0.0, 1.0)
     rng = np.random.default_rng(np.frombuffer(x.tobytes(), dtype=np.uint32))
     nothing = np.zeros(0)
-    blocks = [_Block(own, x[own], nothing, nothing, fresh=True) for own in groups]
+    blocks = [Block(own, x[own], nothing, nothing, fresh=True) for own in groups]
     charge = counter.objective.jacobian_charge
     for _ in range(max_steps):
         if counter.remaining < 2 * charge:  # the last one is for all answers together
@@ -129,7 +129,7 @@ def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, 
     return x, sum(b.answer[0] for b in blocks)
 
 
-def _advance(counter: Counter, x: np.ndarray, blocks: list[_Block]) -> None:
+def _advance(counter: Counter, x: np.ndarray, blocks: list[Block]) -> None:
     """One evaluation, in which every block tries its next step or its new start."""
     trial = x.copy()
     steps = []
