@@ -24,7 +24,8 @@ class Parameter:
     `bounds` in `unit`; `scale` "log" searches evenly over the decades and needs positive bounds.
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
     every recording its own value (offsets, initial states). `start` is a guess: searches that take
-    warm starts begin there as well.
+    warm starts begin there as well. `smooth` is for tables: the strength with which their second differences are kept small,
+    one for each axis or for all, or "cross-validated" or "reml" (see `problem.smoothing`).
 
     With a `shape`, (n,) or (ny, nu), it is an array, as the values of a table are. Each bound, and
     `value` and `start`, is then a number for all entries or nested sequences of that shape.
@@ -39,9 +40,10 @@ class Parameter:
     start: Numbers | None = None
     sentence: str = ""
     shape: tuple[int, ...] = ()
+    smooth: float | tuple[float, ...] | str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("bounds", "value", "start", "shape"):
+        for name in ("bounds", "value", "start", "shape", "smooth"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
 
 

@@ -56,4 +56,5 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         start=start,
         sentence=change.sentence or base.sentence,
         shape=base.shape,
+        smooth=change.smooth,
     )

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -19,6 +20,7 @@ from plantfit.problem.experiment import split as split_recording
 from plantfit.problem.mixed import Mixed
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import predictor_of
+from plantfit.problem.smoothing import Smoothed, Smoothing
 from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
 from plantfit.simulate.simulator import Drive, Simulator
@@ -68,6 +70,7 @@ class Problem:
         self._prepare()
         self.scales = self._scales(scales)
         self.weights = self._weights(balance)
+        self.smoothing = Smoothing.of(self.space, {t.name: t for t in getattr(model, "tables", ())}, self._spread())
 
     def _refuse_unfitted(self) -> None:
         """A recording that is only predicted cannot give values to parameters of its own."""
@@ -129,22 +132,40 @@ class Problem:
         share = sum(counts.values()) / sum(c > 0 for c in counts.values())
         return {n: share / max(c, 1) for n, c in counts.items()}
 
+    def _spread(self) -> float:
+        """Of the scaled measured outputs about the mean of each (rms)."""
+        values = [np.concatenate([y for (_, o), y in self._measured.items() if o == out]) / self.scales[out] for out in self.outputs]
+        return float(np.sqrt(np.mean(np.concatenate([v - v.mean() for v in values]) ** 2)))
+
     # -- variants ---------------------------------------------------------------------------------
+
+    def _variant(self, **changes: Any) -> "Problem":
+        """A copy with other attributes, made of nothing that depends on them; compiled functions are kept."""
+        other = copy.copy(self)
+        for name in ("data", "arguments", "unsmoothed"):
+            other.__dict__.pop(name, None)
+        other.__dict__.update(changes)
+        return other
 
     def with_scales(self, scales: Mapping[str, float]) -> "Problem":
         """The same problem with other scales of the outputs; compiled functions are kept."""
-        other = copy.copy(self)
-        other.__dict__.pop("data", None)
-        other.__dict__.pop("arguments", None)
-        other.scales = {**self.scales, **scales}
-        return other
+        return self._variant(scales={**self.scales, **scales})
+
+    def with_smoothing(self, strengths: Mapping[tuple[str, str], float]) -> "Problem":
+        """The same problem with other strengths of its smoothing, by parameter and signal (see `Smoothing.strengths`)."""
+        if self.smoothing is None or not set(strengths) <= set(self.smoothing.keys):
+            known = [] if self.smoothing is None else list(self.smoothing.keys)
+            raise SpaceError(f"with_smoothing names {list(strengths)}, but smoothed are {known}; give those parameters smooth first.")
+        return self._variant(smoothing=self.smoothing.with_strengths(strengths))
+
+    @cached_property
+    def unsmoothed(self) -> "Problem":
+        """The same problem as the data alone put it; itself without smoothing."""
+        return self if self.smoothing is None else self._variant(smoothing=None)
 
     def with_simulator(self, simulator: Simulator) -> "Problem":
         """The same problem simulated with other steps."""
-        other = copy.copy(self)
-        other.__dict__.pop("data", None)
-        other.__dict__.pop("arguments", None)
-        other.predictor = self.predictor.with_simulator(simulator)
+        other = self._variant(predictor=self.predictor.with_simulator(simulator))
         if simulator.vector.model.state_delays:
             other._prepare()  # how much history is kept depends on the steps
         return other
@@ -177,7 +198,9 @@ class Problem:
     @cached_property
     def arguments(self) -> Any:
         """What the compiled functions take beside z; a pytree."""
-        functions = self._functions
+        if self.smoothing is not None:
+            return self.unsmoothed.arguments, np.array(list(self.smoothing.strengths.values()))
+        functions = self._data_functions
         if isinstance(functions, Direct):
             return self.data
         if isinstance(functions, Batched):
@@ -188,7 +211,13 @@ class Problem:
             return jax.tree.map(jnp.asarray, numbers)
 
     @property
-    def _functions(self) -> Direct | Batched | Mixed:
+    def _functions(self) -> Direct | Batched | Mixed | Smoothed:
+        """The pure functions that a search sees."""
+        functions = self._data_functions
+        return functions if self.smoothing is None else Smoothed(functions, self.smoothing, sum(map(len, self._measured.values())))
+
+    @property
+    def _data_functions(self) -> Direct | Batched | Mixed:
         """The pure functions for these steps; records are cut into chunks only once."""
         direct = Direct(self.predictor, self.space, self.outputs, tuple(self._fit_drive))
         moving = {n: d for n, d in self._fit_drive.items() if isinstance(d, Drive)}
@@ -205,10 +234,11 @@ class Problem:
 
     def residuals(self, z: Any) -> jax.Array:
         """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by output."""
-        return self.compiled["residuals"](jnp.asarray(z), self.arguments)
+        data = self.unsmoothed
+        return data.compiled["residuals"](jnp.asarray(z), data.arguments)
 
     def cost(self, z: Any) -> jax.Array:
-        """Mean of the squared scaled residuals at a cube point (d,)."""
+        """Mean of the squared scaled residuals at a cube point (d,), and what smoothing adds (`smoothing`, eq. 1)."""
         return self.costs(jnp.asarray(z)[None, :])[0]
 
     # -- compiled ---------------------------------------------------------------------------------
@@ -217,7 +247,7 @@ class Problem:
     def compiled(self) -> dict[str, Any]:
         """Compiled functions of (z, arguments), by name; one set for each choice of steps."""
         simulator = self.predictor.simulator
-        key = None if simulator is None else (simulator.stepper, simulator.substeps)
+        key = self.smoothing is None, None if simulator is None else (simulator.stepper, simulator.substeps)
         if key not in self._compiled:
             functions = self._functions
             names = ("residuals", "costs", "values_and_gradients", "residuals_and_jacobian", "blocks")
@@ -241,7 +271,7 @@ class Problem:
         return float(f[0]), np.asarray(g[0])
 
     def residuals_and_jacobian(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d)."""
+        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d); rows of smoothing, if any, at their end."""
         r, jacobian = self.compiled["residuals_and_jacobian"](jnp.asarray(z), self.arguments)
         return np.asarray(r), np.asarray(jacobian)
 
@@ -319,5 +349,5 @@ def _experiments(recordings, split, skip, validate, before, needs) -> dict[str, 
                 else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
             )
         history = {**{k: v for k, v in before.items()}, **given.before}
-        result[name] = Experiment(in_units(given.recording, needs), given.fit, given.validate, given.skip, history, given.steady)
+        result[name] = replace(given, recording=in_units(given.recording, needs), before=history)
     return result

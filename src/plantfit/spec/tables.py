@@ -92,6 +92,7 @@ class ParameterTable(_Table):
     tied: str | None = None
     per_recording: bool = False
     start: Numbers | None = None
+    smooth: Literal["cross-validated", "reml"] | Numbers | None = None
     sentence: str = ""
 
 
