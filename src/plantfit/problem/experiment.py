@@ -19,6 +19,9 @@ class Experiment:
     `before` gives inputs ahead of the first sample; by default they had their first value.
     `steady` means that every sample is a plant at rest (a static curve, a table of operating points): its
     outputs are compared with the model at rest under its inputs, and time and order mean nothing.
+    `shared_errors` names for an output a signal of whole numbers that tells which error of its sensor a sample has: samples of equal
+    number have the same, and those of neighbouring numbers may be correlated. A place on an encoder's disc that comes back with
+    every turn; without it errors belong to times. Standard errors allow for it.
     """
 
     recording: Recording
@@ -27,6 +30,25 @@ class Experiment:
     skip: float = 0.0
     before: Mapping[str, float] = field(default_factory=dict)
     steady: bool = False
+    shared_errors: Mapping[str, str] = field(default_factory=dict)
+
+    def error_numbers(self, output: str) -> np.ndarray | None:
+        """Number (n,) of the error that each sample of an output has, NaN where it is not known; None where times number them.
+
+        Raises RecordingError for a signal that is not there or not whole.
+        """
+        name = self.shared_errors.get(output)
+        if name is None:
+            return None
+        if name not in self.recording.signals:
+            raise RecordingError(
+                f"Recording {self.recording.name!r}: shared_errors names {name!r} for {output!r}, but the signals are "
+                f"{list(self.recording.signals)}; name one of them."
+            )
+        values = self.recording[name]
+        if not np.all(np.isnan(values) | (values == np.round(values))):
+            raise RecordingError(f"Recording {self.recording.name!r}: shared_errors needs whole numbers, but {name!r} has others.")
+        return values
 
     def mask(self, part: str) -> np.ndarray:
         """Samples (n,) bool of part "fit" or "validation"."""

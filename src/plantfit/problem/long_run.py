@@ -8,13 +8,16 @@ SHORT = 10  # samples below which no correlation is estimated
 def prewhitened_long_run(scores: np.ndarray, index: np.ndarray) -> np.ndarray:
     """Long-run sum of outer products of scores (m, d) at sample numbers `index` (m,), missing samples counting as zero.
 
+    Scores of equal numbers are added first: they share one error.
+
     Every column is filtered by its own AR(1), summed, and recoloured (Andrews and Monahan,
     Econometrica 60 (1992) 953, eqs. 2.2 to 2.4, with a diagonal AR matrix). Negative correlation is
     left to the kernel, and 0.97 bounds the factor that recolouring may add.
     """
-    spread = np.zeros((int(index[-1] - index[0]) + 1, scores.shape[1]))
-    spread[index - index[0]] = scores
-    if len(index) < SHORT:
+    first = int(np.min(index))
+    spread = np.zeros((int(np.max(index)) - first + 1, scores.shape[1]))
+    np.add.at(spread, index - first, scores)
+    if len(spread) < SHORT:
         return spread.T @ spread
     memory = np.clip(first_correlation(spread), 0.0, 0.97)
     white = spread - memory * np.vstack([spread[:1], spread[:-1]])

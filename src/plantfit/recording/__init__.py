@@ -2,6 +2,7 @@
 
 from plantfit.recording.adjust import convert_units, detrend, scale, subtract
 from plantfit.recording.arrays import from_arrays, read_mat, read_npz
+from plantfit.recording.backdate import backdate
 from plantfit.recording.csv import read_csv
 from plantfit.recording.cutoff import Cutoff, cutoff_frequency
 from plantfit.recording.derivative import differentiate
@@ -31,6 +32,7 @@ __all__ = [
     "Description",
     "Recording",
     "Signal",
+    "backdate",
     "compare_derivatives",
     "convert_units",
     "counts_to_angle",

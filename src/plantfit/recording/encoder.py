@@ -41,26 +41,60 @@ def counts_to_speed(
 
 
 def period_to_speed(
-    recording: Recording, signal: str, name: str, pulses: float, ratio: float = 1.0, timeout: float | None = None
+    recording: Recording,
+    signal: str,
+    name: str,
+    pulses: float,
+    ratio: float = 1.0,
+    timeout: float | None = None,
+    *,
+    slot_error: float = 0.0,
+    counts: str | None = None,
+    lag: str | None = None,
+    slot: str | None = None,
 ) -> Recording:
     """Add the speed of a shaft as `name` (rad/s): ratio (2 pi / pulses) / Tp from the period Tp of the encoder's pulses.
 
     `pulses` a revolution of the encoder; `timeout` (s): such a period and longer ones mean rest, 0 rad/s. The sign is that of
-    the period, for encoders that tell the direction. Raises RecordingError for a period of 0 and an unknown unit of time.
+    the period, for encoders that tell the direction. `slot_error` is the rms error of an edge's place as a share of a slot: the
+    mean of 1/Tp is high by 2 of its squares, and by a third where samples skip pulses; both are taken off.
+
+    `counts` names the counted pulses: where they have not changed, Tp is an old one and the speed becomes missing. With it two new
+    signals may be named. `lag` (s), for `backdate`: the speed is the mean over a pulse, whose middle was on average
+    (Tp + the smaller of Tp and the sampling period) / 2 before the sample. `slot`: which of the disc's slots was timed, for
+    `shared_errors`, because the error of a slot comes back with every turn.
+    Raises RecordingError for a period of 0 and an unknown unit of time.
     """
     source = signal_of(recording, signal)
     step = f"period_to_speed({signal!r})"
-    slot = require_positive(ratio, f"{step}: ratio") * 2 * np.pi / require_positive(pulses, f"{step}: pulses")
+    width = require_positive(ratio, f"{step}: ratio") * 2 * np.pi / require_positive(pulses, f"{step}: pulses")
     if source.unit is None:
         raise RecordingError(f"{step}: the period has no unit; give units= when reading, such as 's' or 'us'.")
+    if not 0 <= slot_error < 0.3:
+        raise RecordingError(f"{step}: slot_error is {slot_error!r}; give a share of a slot from 0 to 0.3, such as 0.02.")
     period = source.values * factor_offset(source.unit, "s")[0]
     if np.any(period == 0):
         raise RecordingError(f"{step}: the period is 0 at {recording.t[int(np.argmax(period == 0))]:g} s; drop that sample first.")
-    speed = slot / period
+    sampling = np.diff(recording.t, prepend=recording.t[0])
+    speed = width / period / (1 + slot_error**2 * np.where(np.abs(period) < sampling, 3, 2))
+    if counts is None and (lag is not None or slot is not None):
+        raise RecordingError(f"{step}: lag and slot need the counted pulses; give counts, the signal that holds them.")
+    counted = None if counts is None else signal_of(recording, counts).values
+    if counted is not None:
+        speed[np.diff(counted, prepend=counted[:1]) == 0] = np.nan
     if timeout is not None:
         speed[np.abs(period) >= require_positive(timeout, f"{step}: timeout")] = 0.0
-    sentence = f"{name!r} is the speed of the pulse period {signal!r} ({pulses:g} pulses, ratio {ratio:g}), {_known(speed)} samples."
-    return with_new(recording, name, speed, "rad/s", sentence, step)
+    said = f"{pulses:g} pulses, ratio {ratio:g}{f', slot error {slot_error:g}' if slot_error else ''}"
+    sentence = f"{name!r} is the speed of the pulse period {signal!r} ({said}), {_known(speed)} samples."
+    recording = with_new(recording, name, speed, "rad/s", sentence, step)
+    if lag is not None:
+        late = 0.5 * (np.abs(period) + np.minimum(np.abs(period), sampling))
+        about = f"{lag!r} is how long before its sample {name!r} was the mean speed, {np.nanmedian(late):.3g} s at the median."
+        recording = with_new(recording, lag, late, "s", about, step)
+    if slot is not None and counted is not None:
+        number = np.where(np.isfinite(speed), np.mod(counted - np.sign(period), pulses), np.nan)
+        recording = with_new(recording, slot, number, None, f"{slot!r} is the slot of the disc that {signal!r} timed.", step)
+    return recording
 
 
 def unwrapped(values: np.ndarray, wrap_bits: int | None, step: str) -> np.ndarray:

@@ -15,7 +15,7 @@ from plantfit.spec.tables import RecordingTable
 CLEANING = (
     "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
     "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
-    "period_to_speed", "moving_rms", "odometry",
+    "period_to_speed", "moving_rms", "odometry", "backdate",
 )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")
         cut = split(record, r.split, r.skip)
-        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady)
+        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors)
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
@@ -73,4 +73,4 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
         raise SpecError(
             f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
         )
-    return Experiment(record, fit, unseen, r.skip, r.before, r.steady)
+    return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors)

@@ -47,6 +47,7 @@ class RecordingTable(_Table):
     skip: float = Field(0.0, ge=0)
     before: dict[str, float] = {}
     steady: bool = False
+    shared_errors: dict[str, str] = {}
     unmeasured: list[str] = []
     clean: list[dict[str, Any]] = []
     sort: bool = False
