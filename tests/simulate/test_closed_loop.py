@@ -306,7 +306,7 @@ def run(**changes):
         (lambda: closed_loop(tank(), pid(1.0), period=1.0, stepper="exact"), "not linear"),
         (lambda: closed_loop(motor(load=True), pid(1.0), period=1.0), "none was named"),
         (lambda: closed_loop(motor(), pid(1.0), period=1.0, output="speed"), "'speed' is not one of them"),
-        (lambda: closed_loop(delayed(), pid(1.0), period=1.0), "whole samples"),
+        (lambda: closed_loop(delayed(), pid(1.0), period=1.0), "give closed_loop a longest_delay"),
         (lambda: run(plant={"R": 1.0}), "no value for parameter 'L'"),
         (lambda: run(x0={"speed": 1.0}), "no state 'speed'"),
         (lambda: run(inputs={}), "also takes the input 'T'"),

@@ -39,7 +39,8 @@ def _check_delays(where: str, model: Any) -> None:
     known = [p.name for p in model.parameters if not p.shape]
     for delay in model.delays:
         _check_known(f"{where} delays {delay.input!r}", delay.input, "inputs", model.inputs)
-        _check_known(f"{where} delays by {delay.parameter!r}", delay.parameter, "parameters", known)
+        tables = [t.name for t in model.tables if t.over == (delay.input,)]  # dead time over the input itself, see simulate.dead_time
+        _check_known(f"{where} delays by {delay.parameter!r}", delay.parameter, "parameters", [*known, *tables])
     for late in model.state_delays:
         _check_known(f"{where} delays the state {late.state!r}", late.state, "states", model.states)
         _check_known(f"{where} delays by {late.parameter!r}", late.parameter, "parameters", known)

@@ -14,11 +14,12 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.model import Model
 from plantfit.simulate.controller import Controller, Observer, Trajectory
+from plantfit.simulate.dead_time import dead_times_of
 from plantfit.simulate.held_plant import Dynamics, HeldPlant, chosen_stepper
 from plantfit.simulate.loop_scan import SampledLoop, observed, trajectory
 from plantfit.simulate.loop_signals import Given, Rows, length, rows_of
 from plantfit.simulate.sensors import Actuator, Sensor
-from plantfit.simulate.structure import output_reads_input
+from plantfit.simulate.structure import output_reads_delayed, output_reads_input
 from plantfit.simulate.vector import VectorModel, vectorise
 
 import jax.numpy as jnp
@@ -77,6 +78,8 @@ class ClosedLoop:
         n = length(rows, samples)
         p = tuple(jnp.asarray(plant[name], dtype=float) for name in vector.parameters)
         x = tuple(jnp.asarray((x0 or {}).get(name, 0.0), dtype=float) for name in vector.states)
+        if loop.plant.dead is not None:
+            loop.plant.dead.check(model, p)
         return loop.plant.dynamics(p), x, rows, n
 
 
@@ -91,6 +94,7 @@ def closed_loop(
     actuator: Actuator | Mapping[str, Actuator] = Actuator(),  # noqa: B008  (frozen)
     stepper: str = "auto",
     substeps: int = 10,
+    longest_delay: float | None = None,
 ) -> ClosedLoop:
     """Close the loop from `output` to `input` of a plant (needed only where it has several) every `period` seconds.
 
@@ -99,16 +103,20 @@ def closed_loop(
 
     `stepper` "exact" takes the matrix exponential over the period, for plants linear in states and
     inputs; "rosenbrock" and "rk4" take `substeps` steps a period; "auto" is "exact" where possible, else
-    "rosenbrock".
+    "rosenbrock". Dead time of the plant's own is followed exactly, up to `longest_delay` s (the upper bound of its
+    parameter where left out); where it is a table over the input, the input of now tells it.
     Raises SimulationError for an unknown name, a period or substeps that are not positive, "exact" on
-    a plant that is not linear, or a plant with events, dry friction or dead time of its own.
+    a plant that is not linear, or a plant with events or dry friction.
     """
     vector = vectorise(model) if isinstance(model, Model) else model
     plant = vector.model
     _check(plant, period, substeps)
+    if output_reads_delayed(vector):
+        raise SimulationError(f"Plant {plant.name!r}: an output reads a delayed input itself; let a state come between.")
     outputs, inputs = _chosen(plant, "output", output, vector.outputs), _chosen(plant, "input", input, tuple(plant.inputs))
     places = tuple(vector.channels.index(name) for name in inputs)
-    held = HeldPlant(vector, float(period), places, chosen_stepper(vector, stepper), substeps)
+    dead = dead_times_of(vector, inputs, float(period), longest_delay)
+    held = HeldPlant(vector, float(period), places, chosen_stepper(vector, stepper, dead), substeps, dead)
     parts = SampledLoop(
         held,
         controller,
@@ -130,11 +138,6 @@ def _check(plant: Model, period: float, substeps: int) -> None:
         raise SimulationError(f"substeps = {substeps!r}; give a whole number of at least 1.")
     if not plant.states:
         raise SimulationError(f"Plant {plant.name!r} has no states; a closed loop needs a plant with dynamics.")
-    if plant.delays:
-        raise SimulationError(
-            f"Plant {plant.name!r} delays {plant.delays[0].input!r} by a parameter; take that delay out of the plant "
-            "and give it to the actuator as whole samples."
-        )
     if not plant.smooth:
         raise SimulationError(
             f"Plant {plant.name!r} has events, dry friction, backlash or late states, which a closed loop does not follow; "

@@ -8,7 +8,7 @@ from typing import Any
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.simulate.controller import Controller, Observer, Trajectory
-from plantfit.simulate.held_plant import Dynamics, HeldPlant
+from plantfit.simulate.held_plant import WHOLE, Dynamics, HeldPlant
 from plantfit.simulate.loop_signals import Rows, noise_in, reference_in, split
 from plantfit.simulate.sensors import Actuator, Sensor, delay_line, rounded
 
@@ -76,7 +76,8 @@ def _body(loop: SampledLoop, controller: Any, dynamics: Dynamics, constant: Rows
         state = loop.controller.init(loop.seen(first), controller)
         sensed = tuple(line.begin(v) for line, v in zip(sensor_lines, first, strict=True))
         acted = tuple(line.begin(v) for line, v in zip(actuator_lines, u, strict=True))
-        return (x, state, sensed, acted, held, u if loop.feedthrough else ()), y
+        past = () if loop.plant.dead is None else loop.plant.dead.begin(u)
+        return (x, state, sensed, acted, held, u if loop.feedthrough else (), past), y
 
     def measure(k, fresh, sensed, held):
         """(measured, sensed, held) as the sensors give them at sample k."""
@@ -98,14 +99,15 @@ def _body(loop: SampledLoop, controller: Any, dynamics: Dynamics, constant: Rows
 
     def sample(carry, k, t, row):
         row = constant | row
-        x, state, sensed, acted, held, kept = carry
+        x, state, sensed, acted, held, kept, past = carry
         y = read(x, kept if loop.feedthrough else nothing, row, t)
         measured, sensed, held = measure(k, sense(y, row), sensed, held)
         state, command = loop.controller.update(state, loop.seen(measured), reference_in(row), controller)
         command = loop.commands(command)
         acted, u = act(k, command, acted)
-        after = advance(x, u, row, t)
-        return (after, state, sensed, acted, held, u if loop.feedthrough else ()), (y, measured, command, u)
+        past, pieces = (past, WHOLE) if loop.plant.dead is None else loop.plant.dead.push(past, k, u, p)
+        after = advance(x, u, row, t, pieces)
+        return (after, state, sensed, acted, held, u if loop.feedthrough else (), past), (y, measured, command, u)
 
     return begin, sample
 

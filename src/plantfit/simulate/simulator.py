@@ -64,6 +64,11 @@ class Simulator:
             )
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
+        for delay in model.delays:
+            if model.declared(delay.parameter).shape:
+                raise SimulationError(
+                    f"Model {model.name!r}: the dead time {delay.parameter!r} is a table, which only closed loops follow; give one number."
+                )
         if model.state_delays and (model.events or model.frictions or model.backlashes):
             raise SimulationError(
                 f"Model {model.name!r} has late states together with events, dry friction or backlash, whose jumps the history would "

@@ -24,3 +24,10 @@ def output_reads_input(vector: VectorModel) -> bool:
     """Whether any output depends on an input directly."""
     n, m = len(vector.states), len(vector.channels)
     return not set().union(*dependencies(vector.output, *placeholders(vector.model))).isdisjoint(range(n, n + m))
+
+
+def output_reads_delayed(vector: VectorModel) -> bool:
+    """Whether any output depends on a delayed copy of an input directly."""
+    first = len(vector.states) + len(vector.model.inputs)
+    late = range(first, first + len(vector.model.delays))
+    return not set().union(*dependencies(vector.output, *placeholders(vector.model))).isdisjoint(late)
