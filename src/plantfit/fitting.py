@@ -23,6 +23,7 @@ from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 from plantfit.trust.assess import EDGE, assess
 from plantfit.trust.local import linearise
+from plantfit.trust.smoothing_strength import choose_strengths
 
 REWEIGHTED = 3  # rounds of re-estimating the scale of every output
 
@@ -142,7 +143,7 @@ def prepare(problem: Problem) -> Problem:
 
 
 def finish(problem: Problem, results: Sequence[RunResult], seed: int) -> tuple[Problem, list[RunResult]]:
-    """Refine the step and the weights at the best answer, and polish it there; the other runs stay as they were."""
+    """Refine the step, the weights and the strengths of smoothing at the best answer, and polish it there; the other runs stay."""
     best = min(results, key=lambda r: r.cost)
     if not np.isfinite(best.cost):
         raise SearchError(
@@ -157,6 +158,9 @@ def finish(problem: Problem, results: Sequence[RunResult], seed: int) -> tuple[P
     finer = refined_at(problem, x)
     if finer is not problem:
         problem, x, polished = finer, _local(finer, x, seed), True
+    if problem.smoothing is not None and problem.smoothing.asked:
+        chosen = choose_strengths(problem, x)
+        problem, x, polished = chosen.problem, chosen.z, True
     x = gauss_newton(problem, x)
     if not polished:
         return problem, [_at(problem, r, x) if r is best else r for r in results]

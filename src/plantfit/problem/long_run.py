@@ -24,6 +24,12 @@ def prewhitened_long_run(scores: np.ndarray, index: np.ndarray) -> np.ndarray:
     return long_run(white, bandwidth(white)) / np.outer(1.0 - memory, 1.0 - memory)
 
 
+def inflation(series: np.ndarray, index: np.ndarray) -> float:
+    """Factor, at least 1, by which correlation of a series (m,) at numbers `index` (m,) raises the variance of its mean."""
+    power = float(np.sum(series**2))
+    return max(1.0, float(prewhitened_long_run(series[:, None], index)[0, 0]) / power) if power > 0 else 1.0
+
+
 def first_correlation(series: np.ndarray) -> np.ndarray:
     """AR(1) coefficient (d,) of every column of (n, d); 0 for a column of zeros."""
     power = np.sum(series**2, axis=0)

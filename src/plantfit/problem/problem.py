@@ -298,6 +298,17 @@ class Problem:
         count = sum(map(len, groups))
         return tuple(groups) if len(groups) > 1 and count == len(set(np.concatenate(groups))) == self.space.dimension else None
 
+    @property
+    def block_places(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """For every block of compiled["blocks"] without smoothing its coordinates (q,), and its rows' places (k,) among `residuals`."""
+        functions, counts = self._data_functions, {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
+        begin = dict(zip(counts, np.cumsum([0, *counts.values()])[:-1], strict=True))
+        moving = () if isinstance(functions, Direct) else functions.names if isinstance(functions, Batched) else functions.moving.names
+        still = [n for n in counts if n not in moving]
+        groups = [[n] for n in moving] + ([still] if still else [])
+        places = [np.concatenate([begin[n] + np.arange(counts[n]) for n in names]) for names in groups]
+        return [(np.asarray(own), place) for own, place in zip(functions.local, places, strict=True)]
+
     def separable_blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         """Residuals (k,) and derivatives (k, q) of every recording in few rows; the cost is the sum of their squares."""
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)

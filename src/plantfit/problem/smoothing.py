@@ -76,6 +76,19 @@ class Smoothing:
         return np.array(list(self.strengths.values()))[self.rows[2]]
 
     @property
+    def tables(self) -> tuple[tuple[np.ndarray, int], ...]:
+        """For every smoothed table the places (q,) of its entries, and how many dimensions of it have no bends (lines, planes)."""
+        found: dict[bytes, list[Bends]] = {}
+        for b in self.bends:
+            found.setdefault(b.columns.tobytes(), []).append(b)
+        made = []
+        for own in found.values():
+            seen = [b.rows for b in own if self.strengths[b.parameter, b.signal] > 0]
+            rank = int(np.linalg.matrix_rank(np.concatenate(seen))) if seen else 0
+            made.append((own[0].columns, len(own[0].columns) - rank))
+        return tuple(made)
+
+    @property
     def matrix(self) -> np.ndarray:
         """Sum of strength x row' row (d, d): what smoothing adds to J'J."""
         rows = self.rows[0]

@@ -151,6 +151,18 @@ class OperatingTable(_Record):
         return self
 
 
+class SmoothedTable(_Record):
+    """Strengths of one table's smoothing along its axes, and the bends (box widths) that they take for likely."""
+
+    name: str
+    over: list[str]
+    strengths: list[float]
+    bends: Values
+    chosen: str
+    entries: int
+    effective: Number = None
+
+
 class Combination(_Record):
     sentence: str
     weights: dict[str, Number] = {}
@@ -221,6 +233,7 @@ class Findings(_Record):
     residual_tests: list[ResidualTest] = []
     parameters: list[Parameter] = []
     tables: list[OperatingTable] = []
+    smoothing: list[SmoothedTable] = []
     combinations: list[Combination] = []
     runs: list[Run] = []
     basins: list[Basin] = []

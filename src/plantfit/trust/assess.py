@@ -17,6 +17,7 @@ from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
 from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.smoothing_strength import smoothing_rows
 from plantfit.trust.table_visits import table_visits, unvisited
 from plantfit.trust.verdict import sentences
 
@@ -46,6 +47,7 @@ def assess(
         "residual_tests": _residual_tests(problem, predictions),
         "parameters": rows,
         "tables": table_rows(problem, rows, visits),
+        "smoothing": smoothing_rows(problem, local),
         "combinations": _combinations(local, rows),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
@@ -178,12 +180,13 @@ def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[dict[
 def _run(problem, r):
     values = np.asarray(problem.space.physical(r.x))
     one = len(problem.outputs) == 1
+    squares = r.cost if problem.smoothing is None else float(problem.unsmoothed.costs(r.x[None, :])[0])
     return {
         "method": r.method,
         "run": r.run,
         "seed": r.seed,
         "cost": float(r.cost) if np.isfinite(r.cost) else None,
-        "rmse": float(np.sqrt(r.cost)) * (problem.scales[problem.outputs[0]] if one else 1.0) if np.isfinite(r.cost) else None,
+        "rmse": float(np.sqrt(squares)) * (problem.scales[problem.outputs[0]] if one else 1.0) if np.isfinite(r.cost) else None,
         "status": str(r.status),
         "evaluations": float(r.evaluations),
         "seconds": float(r.seconds),

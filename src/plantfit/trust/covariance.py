@@ -42,13 +42,29 @@ def _nonzero(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rows[:, columns], columns
 
 
-def covariance(jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block], free: np.ndarray) -> np.ndarray:
+def effective_parameters(jacobian: np.ndarray, blocks: list[Block], smoothing: np.ndarray, variance: float) -> np.ndarray:
+    """How far the data and not a prior fix each coordinate (d,), 0 to 1: the diagonal of (J'J + S + v P)^-1 J'J.
+
+    `smoothing` S (d, d) is what it adds to J'J, P the precision of the box, v the residuals' `variance`. The sum is the
+    effective number of parameters (Wood, Generalized Additive Models, 2nd ed. 2017, section 5.4.2).
+    """
+    if jacobian.shape[1] == 0:
+        return np.zeros(0)
+    data = normal_matrix(jacobian, blocks)
+    total = data + smoothing
+    return np.diag(np.linalg.solve(total + variance * box_prior(total), data)).copy()
+
+
+def covariance(
+    jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block], free: np.ndarray, smoothing: np.ndarray | None = None
+) -> np.ndarray:
     """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
 
     The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
     Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
     too short. The uniform prior keeps flat directions finite (see `box_prior`): a standard error is at
-    most that of the box, 0.29.
+    most that of the box, 0.29. `smoothing` (d, d) is what it adds to J'J; it is a prior as well, so that intervals allow for the
+    bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133, section 2).
     Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
     """
@@ -62,6 +78,9 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block],
     variance = max(float(residuals @ residuals) / degrees, np.finfo(float).tiny)
     hessian = normal_matrix(j, blocks) / variance
     prior = box_prior(hessian)
+    if smoothing is not None:
+        smooth = smoothing[np.ix_(active, active)] / variance
+        prior = smooth + box_prior(hessian + smooth)
     bread = np.linalg.inv(hessian + prior)
     spread = bread @ prior @ bread
     for block in blocks:

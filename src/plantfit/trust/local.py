@@ -6,7 +6,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
-from plantfit.trust.covariance import Block, covariance, normal_matrix
+from plantfit.trust.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.directions import Direction, flat_directions
 
 import jax
@@ -18,33 +18,42 @@ OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determi
 
 @dataclass(frozen=True)
 class Local:
-    """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units."""
+    """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units.
+
+    `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1.
+    """
 
     values: np.ndarray
     covariance: np.ndarray
     standard_error: np.ndarray
     at_bound: tuple[str | None, ...]
     directions: tuple[Direction, ...]
+    effective: np.ndarray
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,)."""
     space, blocks = problem.space, residual_blocks(problem)
-    residuals, jacobian = problem.residuals_and_jacobian(z)
-    lower, upper = _held(z, jacobian, residuals)
+    residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
+    smoothing = problem.smoothing.matrix if problem.smoothing else np.zeros((space.dimension,) * 2)
+    bends = problem.smoothing.weighted(z) if problem.smoothing else (np.zeros(0), np.zeros((0, space.dimension)))
+    lower, upper = _held(z, np.vstack([jacobian, bends[1]]), np.r_[residuals, bends[0]])
     free = ~(lower | upper)
-    cube = covariance(jacobian, residuals, blocks, free)
+    cube = covariance(jacobian, residuals, blocks, free, smoothing)
     values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
     values, slope = np.asarray(values), np.asarray(slope)
     physical = cube * slope[:, None] * slope[None, :]
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
-    information = normal_matrix(jacobian, blocks) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
+    information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
     on = np.flatnonzero(free)
     directions = flat_directions(
         information[np.ix_(on, on)], values[on], (space.upper - space.lower)[on], tuple(space.names[i] for i in on)
     )
     bound = tuple("lower" if a else "upper" if b else None for a, b in zip(lower, upper, strict=True))
-    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions))
+    effective = effective_parameters(jacobian[:, on], blocks, smoothing[np.ix_(on, on)], variance)
+    known = np.zeros(space.dimension)
+    known[on] = effective
+    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known)
 
 
 def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

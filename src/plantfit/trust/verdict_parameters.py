@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from plantfit.trust.verdict_tables import table_sentences
+from plantfit.trust.verdict_tables import smoothing_sentences, table_sentences
 from plantfit.trust.words import FEW, Sentence, estimate, number, say, some, span, with_unit
 
 Row = Mapping[str, Any]
@@ -16,6 +16,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free)
     yield from table_sentences(entries, findings.get("tables", ()))
+    yield from smoothing_sentences(findings.get("smoothing", ()))
     for status, one, many in (("weak", _weak, _weaks), ("flat", _flat, _flats), ("at bound", _bound, _bounds)):
         rows = [p for p in single if p["status"] == status]
         for name in dict.fromkeys(p.get("parameter", p["name"]) for p in rows):

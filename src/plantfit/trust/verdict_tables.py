@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.trust.parameters import NOT_VISITED
-from plantfit.trust.words import FEW, Sentence, say, some, span
+from plantfit.trust.words import FEW, Sentence, number, say, some, span
 
 Row = Mapping[str, Any]
 _OPEN = {"weak": "only roughly known", "flat": "not determined", "at bound": "on a bound", NOT_VISITED: "never visited"}
@@ -19,6 +19,25 @@ def table_sentences(entries: Sequence[Row], tables: Sequence[Row]) -> Iterator[S
     for name in dict.fromkeys(p["parameter"] for p in entries):
         yield _table([p for p in entries if p["parameter"] == name], tables)
     yield from _gaps(tables)
+
+
+def smoothing_sentences(rows: Sequence[Row]) -> Iterator[Sentence]:
+    """How strongly tables are smoothed and what that leaves of their entries; `rows` as in the findings record."""
+    for way, said in _CHOSEN.items():
+        own = [row for row in rows if row["chosen"] == way]
+        if own:
+            bends = [100 * b for row in own for b in row["bends"] if b is not None]
+            size = f" for bends of about {span([float(number(b)) for b in bends], '%')} of the box from node to node" if bends else ""
+            entries, effective = sum(row["entries"] for row in own), sum(row["effective"] for row in own)
+            text = f"{some([row['name'] for row in own])}: smoothed{size}, a strength {said}; the data then fix {number(effective)} of "
+            yield say("info", f"{text}{entries} entries, and smoothness the rest.", effective=effective, entries=entries)
+
+
+_CHOSEN = {
+    "given": "given by the study",
+    "cross-validated": "chosen by cross-validation on left-out pieces of the recordings",
+    "reml": "estimated by restricted maximum likelihood",
+}
 
 
 def _table(rows: Sequence[Row], tables: Sequence[Row]) -> Sentence:
