@@ -15,7 +15,7 @@ from plantfit.models.pendubot_terms import BASE_UNITS, base_values
 from plantfit.native import native_scan
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.lqg import Lqg, Weights, scheduled_lqg
-from plantfit.rig.pendubot_reference import Reference, upright_reference
+from plantfit.rig.pendubot_reference import UPRIGHT, Reference, upright_reference
 from plantfit.rig.run import RigRun
 from plantfit.rig.trajectories import Move
 from plantfit.simulate.sensors import rounded
@@ -124,18 +124,27 @@ class PendubotRig:
     @cached_property
     def controller(self) -> tuple[np.ndarray, Lqg]:
         """Feedforward (N,) in V, and the feedback along the reference."""
-        p, states = self.parameters, self.reference.states
-        feedforward = p["Ra"] / p["kt"] * self.reference.torque + p["ke"] * states[:, 2]
-        frictionless = voltage_plant("base", (), self.l1, self.g)
-        numbers = tuple({**p, **self.base}[n] for n in frictionless.parameters)
-        slopes = jax.jit(jax.jacfwd(lambda x: jnp.stack(frictionless.rate(tuple(x[:4]), (x[4], 0.0), numbers))))
+        states = self.reference.states
+        feedforward = self.voltage(self.reference.torque, states[:, 2])
+        return feedforward, scheduled_lqg(self.linearised, states[:, 0], self.period, self.weights, measured=2)
 
-        def linearised(theta1: float) -> tuple[np.ndarray, np.ndarray]:
-            held = self.base["b4"] * self.g * np.cos(theta1) * p["Ra"] / p["kt"]
-            slope = np.asarray(slopes(jnp.array([theta1, np.pi / 2 - theta1, 0.0, 0.0, held])))
-            return slope[:, :4], slope[:, 4:]
+    def voltage(self, torque: Any, omega1: Any) -> Any:
+        """Voltage (V) for a torque (N m) at joint 1 that turns with omega1 (rad/s)."""
+        p = self.parameters
+        return p["Ra"] / p["kt"] * torque + p["ke"] * omega1
 
-        return feedforward, scheduled_lqg(linearised, states[:, 0], self.period, self.weights, measured=2)
+    def linearised(self, theta1: float) -> tuple[np.ndarray, np.ndarray]:
+        """A (4, 4) and B (4, 1) in continuous time, input V, at rest at theta1 (rad) with link 2 upright; without friction."""
+        held = self.voltage(self.base["b4"] * self.g * np.cos(theta1), 0.0)
+        with jax.ensure_compile_time_eval():  # the first call may come while something is traced
+            slope = np.asarray(self._slopes(np.array([theta1, UPRIGHT - theta1, 0.0, 0.0, held])))
+        return slope[:, :4], slope[:, 4:]
+
+    @cached_property
+    def _slopes(self) -> Any:
+        plant = voltage_plant("base", (), self.l1, self.g)
+        numbers = tuple(float({**self.parameters, **self.base}[n]) for n in plant.parameters)
+        return jax.jit(jax.jacfwd(lambda x: jnp.stack(plant.rate(tuple(x[i] for i in range(4)), (x[4], 0.0), numbers))))
 
     @property
     def _references(self) -> dict[str, Signal]:

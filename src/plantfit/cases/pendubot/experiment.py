@@ -12,6 +12,7 @@ from plantfit.models.double_pendulum import Motion, rigid_terms, torque_columns
 from plantfit.rig import PendubotRig
 from plantfit.rig.lqg import Lqg, scheduled_lqg
 from plantfit.rig.pendubot import run_closed_loop, voltage_plant
+from plantfit.rig.pendubot_reference import UPRIGHT, FlatOutput
 from plantfit.rig.trajectories import Move
 from plantfit.simulate.vector import VectorModel
 
@@ -20,7 +21,6 @@ import jax.numpy as jnp
 
 NAMES = ("b1", "b2", "b4", "b5")
 SMOOTHNESS = 7  # zero derivatives at both ends of a move, as in rig.pendubot_reference
-UPRIGHT = np.pi / 2
 NODES = 25  # designs of the controller over theta1
 
 
@@ -75,20 +75,18 @@ class UprightMoves:
     def reference(self, design: Any) -> tuple[Any, Any]:
         """States (N, 4) and torque (N,) of the flat-output reference, `rig.pendubot_reference.upright_reference` but traceable."""
         base, l1, g = self.rig.base, self.rig.l1, self.rig.g
-        factor, w = base["b2"] / (l1 * base["b5"]), base["b2"] / (base["b5"] * g)
+        flat = FlatOutput.of(base, l1, g)
         starts, lasts, to = self._times(design)
-        y = _rest_to_rest(self.rig.t, starts, lasts, (to - UPRIGHT) / factor)
-        first = [factor * (y[k] - w * y[k + 2]) for k in range(3)]
-        second = [w * y[k + 2] - d for k, d in enumerate(first)]
-        x = Motion(first[0] + UPRIGHT, second[0], first[1], second[1])
-        columns = torque_columns(rigid_terms(x, l1, g), first[2], second[2])[0]
+        theta1, theta2 = flat.motion(_rest_to_rest(self.rig.t, starts, lasts, (to - UPRIGHT) / flat.factor))
+        x = Motion(theta1[0], theta2[0], theta1[1], theta2[1])
+        columns = torque_columns(rigid_terms(x, l1, g), theta1[2], theta2[2])[0]
         return jnp.stack(x, axis=1), sum(base[n] * c for n, c in zip(NAMES, columns, strict=True))
 
     def motion(self, design: Any) -> tuple[Any, Any]:
         """States (N, 4) and voltage (N,) in closed loop; traceable."""
         rig, (plant, numbers) = self.rig, self._plant
         states, torque = self.reference(design)
-        feedforward = rig.parameters["Ra"] / rig.parameters["kt"] * torque + rig.parameters["ke"] * states[:, 2]
+        feedforward = rig.voltage(torque, states[:, 2])
         along, tables = self._controller
         share = jnp.clip((states[:, 0] - along[0]) / (along[1] - along[0]), 0.0, NODES - 1.001)
         at = share.astype(int)
@@ -133,19 +131,8 @@ class UprightMoves:
     @cached_property
     def _controller(self) -> tuple[np.ndarray, Lqg]:
         """Values of theta1 (NODES,) and the rig's LQG design at each."""
-        rig = self.rig
-        plant = voltage_plant("base", (), rig.l1, rig.g)
-        numbers = tuple(float({**rig.parameters, **rig.base}[n]) for n in plant.parameters)
         along = np.linspace(self.limits.theta1[0] - 0.3, self.limits.theta1[1] + 0.3, NODES)
-        slopes = jax.jit(jax.jacfwd(lambda x: jnp.stack(plant.rate(tuple(x[i] for i in range(4)), (x[4], 0.0), numbers))))
-
-        def linearised(theta1: float) -> tuple[np.ndarray, np.ndarray]:
-            held = rig.base["b4"] * rig.g * np.cos(theta1) * rig.parameters["Ra"] / rig.parameters["kt"]
-            with jax.ensure_compile_time_eval():  # the first call may come while a design is traced
-                slope = np.asarray(slopes(np.array([theta1, UPRIGHT - theta1, 0.0, 0.0, held])))
-            return slope[:, :4], slope[:, 4:]
-
-        return along, scheduled_lqg(linearised, along, rig.period, rig.weights, measured=2, nodes=NODES)
+        return along, scheduled_lqg(self.rig.linearised, along, self.rig.period, self.rig.weights, measured=2, nodes=NODES)
 
 
 def _between(table: Any, at: Any, part: Any) -> Any:

@@ -29,10 +29,9 @@ def sine_square(
     Source: the voltage block of a DC motor on a microcontroller (SYSTEMS.md B); its levels are not printed.
     """
     n = samples("sine_square", rate, duration)
-    positive("sine_square", amplitude=amplitude, block=block)
+    positive("sine_square", block=block)
     below_nyquist("sine_square", rate, frequency=frequency)
-    if not 0 <= dead_zone < amplitude:
-        raise RecordingError(f"sine_square: dead_zone is {dead_zone:g}; choose from 0 up to the amplitude {amplitude:g}, without it.")
+    _reaches("sine_square", amplitude, dead_zone)
     if block / 3 * frequency < 1:
         raise RecordingError(
             f"sine_square: a third of the block ({block / 3:g} s) is shorter than a swing at {frequency:g} Hz; "
@@ -65,11 +64,9 @@ def staircase(
     with a level of 0 before, between and after.
     """
     n = samples("staircase", rate, duration)
-    positive("staircase", amplitude=amplitude)
     if steps < 1:
         raise RecordingError(f"staircase: steps is {steps!r}; give 1 or more.")
-    if not 0 <= dead_zone < amplitude:
-        raise RecordingError(f"staircase: dead_zone is {dead_zone:g}; choose from 0 up to the amplitude {amplitude:g}, without it.")
+    _reaches("staircase", amplitude, dead_zone)
     up = dead_zone + (amplitude - dead_zone) * np.arange(1, steps + 1) / steps
     hill = np.concatenate([[0.0], up, up[-2::-1]])
     levels = np.concatenate([hill, -hill, [0.0]]) if both_signs else np.concatenate([hill, [0.0]])
@@ -108,3 +105,10 @@ def chirp(
         turns = low * total / growth * np.expm1(growth * t / total)
     values = offset + amplitude * np.sin(2 * np.pi * turns)
     return waveform(values, rate, signal, unit, "chirp", f"{sweep.capitalize()} chirp from {low:g} to {high:g} Hz.")
+
+
+def _reaches(step: str, amplitude: float, dead_zone: float) -> None:
+    """Refuse an amplitude that is not above 0 or not beyond the dead zone."""
+    positive(step, amplitude=amplitude)
+    if not 0 <= dead_zone < amplitude:
+        raise RecordingError(f"{step}: dead_zone is {dead_zone:g}; choose from 0 up to the amplitude {amplitude:g}, without it.")
