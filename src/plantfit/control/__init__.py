@@ -2,37 +2,51 @@
 
 from plantfit.control.c_export import CFiles, design_to_c, kalman_to_c, pid_to_c
 from plantfit.control.catching import Caught, largest_initial_angle
+from plantfit.control.dead_time import with_dead_time
 from plantfit.control.design import Design
 from plantfit.control.kalman import Estimator, kalman_observer
 from plantfit.control.linear_plant import LinearPlant, discretised, equilibrium, linearised
 from plantfit.control.lqr import lqr
 from plantfit.control.mpc import mpc
+from plantfit.control.offset_free import offset_free_mpc
 from plantfit.control.pid import Gains, pid
 from plantfit.control.pid_per_output import pid_per_output
+from plantfit.control.robust import Demand, Tuned, costs_over, judged, robust_tuning, stacked_controllers
 from plantfit.control.step_metrics import StepMetrics, step_metrics, step_observer
+from plantfit.control.step_profile import StepProfile, StepScores
 from plantfit.control.takagi_sugeno import takagi_sugeno
 
 __all__ = [
     "CFiles",
     "Caught",
+    "Demand",
     "Design",
     "Estimator",
     "Gains",
     "LinearPlant",
     "StepMetrics",
+    "StepProfile",
+    "StepScores",
+    "Tuned",
+    "costs_over",
     "design_to_c",
     "discretised",
     "equilibrium",
+    "judged",
     "kalman_observer",
     "kalman_to_c",
     "largest_initial_angle",
     "linearised",
     "lqr",
     "mpc",
+    "offset_free_mpc",
     "pid",
     "pid_per_output",
     "pid_to_c",
+    "robust_tuning",
+    "stacked_controllers",
     "step_metrics",
     "step_observer",
     "takagi_sugeno",
+    "with_dead_time",
 ]

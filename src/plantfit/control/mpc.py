@@ -62,7 +62,7 @@ def mpc(
     q, r = weight("Q", Q, plant.states, False), weight("R", R, plant.inputs, True)
     gain, p = regulator(slow, q, r)
     limited = [plant.states.index(name) for name in _known(state_limits, plant)]
-    free, moved = _condensed(slow, gain, horizon, limited)
+    free, moved = condensed(slow, gain, horizon, limited)
     low_u, high_u = limits_of(limits, plant.inputs)
     low_x, high_x = limits_of(state_limits or {}, plant.states)
     m, n, count = len(plant.inputs), len(plant.states), len(limited)
@@ -87,7 +87,7 @@ def _known(state_limits: Mapping[str, tuple[float, float]] | None, plant: Linear
     return [name for name in plant.states if name in (state_limits or {})]
 
 
-def _condensed(plant: LinearPlant, gain: np.ndarray, horizon: int, limited: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def condensed(plant: LinearPlant, gain: np.ndarray, horizon: int, limited: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """(rows, n) and (rows, horizon m): the rows by the first state and by the moves v, with u = -gain x + v."""
     n, m = plant.B.shape
     closed = plant.A - plant.B @ gain
