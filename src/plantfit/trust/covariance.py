@@ -11,7 +11,10 @@ BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's 
 
 @dataclass(frozen=True)
 class Block:
-    """Residuals of one output in one recording in order of time: rows of the Jacobian and sample numbers (m,)."""
+    """Residuals of one output in one recording: rows of the Jacobian, and which error of the sensor each has, whole numbers (m,).
+
+    Those of sample numbers where errors belong to times. Neighbours may be correlated, and equal numbers are one error.
+    """
 
     rows: slice
     index: np.ndarray

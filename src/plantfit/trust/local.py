@@ -68,6 +68,13 @@ def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[n
     return (z <= EDGE) & (gradient >= 0) & pressed, (z >= 1 - EDGE) & (gradient <= 0) & pressed
 
 
+def _whole(numbers: np.ndarray) -> np.ndarray:
+    """Errors (m,) that samples share as whole numbers; samples without one get numbers of their own beyond."""
+    unknown = np.isnan(numbers)
+    last = np.max(numbers[~unknown], initial=0.0)
+    return np.where(unknown, last + np.cumsum(unknown), numbers).astype(int)
+
+
 def residual_blocks(problem: Problem) -> list[Block]:
     """Where the residuals of every output in every recording stand."""
     blocks, start = [], 0
@@ -75,6 +82,7 @@ def residual_blocks(problem: Problem) -> list[Block]:
         for output in problem.outputs:
             index = problem.data["index"][name][output]
             if len(index):
-                blocks.append(Block(slice(start, start + len(index)), index))
+                numbers = problem.experiments[name].error_numbers(output)
+                blocks.append(Block(slice(start, start + len(index)), index if numbers is None else _whole(numbers[index])))
             start += len(index)
     return blocks

@@ -47,7 +47,7 @@ def objective(motor: Mapping[str, float]) -> Objective:
     def one(row: Any) -> Any:
         return fitness(loop.observe(observer, Gains(*(row * UPPER)), plant, SET_POINT, samples=SAMPLES))
 
-    return Objective(3, jax.jit(jax.vmap(one)))
+    return Objective(3, jax.jit(jax.vmap(one)), lower=np.zeros(3), upper=UPPER)
 
 
 def response(motor: Mapping[str, float], gains: Any, step: float = TIMER) -> tuple[Trajectory, StepMetrics]:
