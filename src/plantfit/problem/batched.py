@@ -70,6 +70,12 @@ class Batched:
         picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
         return cls(simulator, space, names, rows, picked, np.stack([space.local(name) for name in names]))
 
+    def alike(self, other: "Batched") -> bool:
+        """Whether functions compiled for the other serve these records as well."""
+        shapes = [jax.tree.map(np.shape, b.rows.chunks) for b in (self, other)]
+        same = self.rows.windows == other.rows.windows and self.names == other.names and shapes[0] == shapes[1]
+        return same and all(np.array_equal(a, b) for a, b in zip(_flat(self.picked), _flat(other.picked), strict=True))
+
     def with_simulator(self, simulator: Simulator) -> "Batched":
         """The same records with other steps."""
         return dataclasses.replace(self, simulator=simulator)
@@ -195,6 +201,10 @@ class Batched:
     def _placed(self, local, numbers: Numbers):
         p, x0 = self._start(local, numbers)
         return Batch(self.simulator, self.rows.windows).residuals(p, x0, numbers.rows)
+
+
+def _flat(picked: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
+    return [places for record in picked for places in record]
 
 
 def _widened(bounds: tuple[float, float]) -> tuple[float, float]:

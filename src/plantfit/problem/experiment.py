@@ -1,5 +1,6 @@
 """One recording as a problem sees it: which samples are fitted, which are kept unseen, in the model's units."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -50,6 +51,19 @@ class Experiment:
             raise RecordingError(f"Recording {self.recording.name!r}: shared_errors needs whole numbers, but {name!r} has others.")
         return values
 
+    def on(self, recording: Recording) -> "Experiment":
+        """The same samples of another recording of the same length, whose times may differ.
+
+        Raises RecordingError for one of another length.
+        """
+        if len(recording) != len(self.recording):
+            raise RecordingError(
+                f"Recording {recording.name!r} has {len(recording)} samples in place of {len(self.recording)}; give as many."
+            )
+        old, new = self.recording.t, recording.t
+        moved = [None if part is None else (_moved(part[0], old, new), _moved(part[1], old, new)) for part in (self.fit, self.validate)]
+        return dataclasses.replace(self, recording=recording, fit=moved[0], validate=moved[1])
+
     def mask(self, part: str) -> np.ndarray:
         """Samples (n,) bool of part "fit" or "validation"."""
         interval = self.fit if part == "fit" else self.validate
@@ -61,6 +75,16 @@ class Experiment:
         if self.skip and np.any(inside):
             inside &= t >= t[np.argmax(inside)] + self.skip
         return inside
+
+
+def _moved(end: float, old: np.ndarray, new: np.ndarray) -> float:
+    """Where an interval ends among other times, so that the same samples lie on either side."""
+    after = int(np.searchsorted(old, end))
+    if np.array_equal(old, new):
+        return end
+    if after in (0, len(old)):
+        return -np.inf if after == 0 else np.inf
+    return 0.5 * (new[after - 1] + new[after])
 
 
 def split(recording: Recording, share: float, skip: float = 0.0) -> Experiment:

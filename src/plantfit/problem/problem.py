@@ -170,6 +170,24 @@ class Problem:
             other._prepare()  # how much history is kept depends on the steps
         return other
 
+    def with_recordings(self, recordings: Mapping[str, Recording]) -> "Problem":
+        """The same problem on other recordings of the same lengths, one for each name; parts, scales and weights stay.
+
+        Compiled functions are kept where the new records have the samples of the old, so that a hundred fits compile once.
+        """
+        if set(recordings) != set(self.experiments):
+            raise RecordingError(f"with_recordings got {sorted(recordings)}; give one for each of {list(self.experiments)}.")
+        experiments = {n: e.on(in_units(recordings[n], self.predictor.needs)) for n, e in self.experiments.items()}
+        other = self._variant(experiments=experiments, _compiled={})
+        other._prepare()
+        self.compiled  # noqa: B018  made now, so that whatever is compiled later serves both
+        kept = dict(self._compiled)
+        if isinstance(other._data_functions, Batched | Mixed):
+            fresh = other._compiled["batched"]
+            kept = {**kept, "batched": fresh} if fresh.alike(kept["batched"]) else {"batched": fresh}
+        other._compiled = kept
+        return other
+
     # -- pure functions ---------------------------------------------------------------------------
 
     @cached_property

@@ -8,15 +8,14 @@ from scipy.stats import chi2
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
-from plantfit.optimize.separable import Block
 from plantfit.problem.long_run import prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.trust.covariance import box_prior, normal_matrix
 from plantfit.trust.local import EDGE, residual_blocks
+from plantfit.trust.refit import refit
 
 STEPS = 12  # points to either side at most
 CLOSE = 0.03  # of the interval's half width: how near an end is found
-REFIT, MOST = 1e-6, 60  # relative decrease of the cost that ends a refit, and steps at most
 BETTER = 1e-3  # of the threshold: a profile that falls so much has found a better answer
 
 
@@ -82,8 +81,7 @@ class _Walk:
         for group in problem.separable or ():  # others have no part in it
             if place in group:
                 self.own = np.asarray(group)
-        self.count = sum(len(i) for record in problem.data["index"].values() for i in record.values())
-        self.best, self.least = self._refitted(start, np.isin(np.arange(len(start)), self.own))
+        self.best, self.least = refit(problem, start, np.isin(np.arange(len(start)), self.own))
         self.excess: dict[float, float] = {}
 
     def begin(self, variance: float, threshold: float) -> None:
@@ -148,43 +146,25 @@ class _Walk:
         for start in {id(v): v for v in (self.solved[min(self.solved, key=lambda v: abs(v - here))], self.best)}.values():
             moved = start.copy()
             moved[self.place] = here
-            tried.append(self._refitted(moved, free))
+            tried.append(refit(self.problem, moved, free))
         point, squares = min(tried, key=lambda a: a[1])
         self.solved[here], self.excess[here] = point, (squares - self.least) / self.variance
         if squares < self.least:
             self.best, self.least = point, squares
         return self.excess[here]
 
-    def _refitted(self, start: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, float]:
-        """The best point (d,) over the free coordinates, and its sum of squares."""
-        point, free = start.copy(), np.flatnonzero(free)
-
-        def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            point[free] = x
-            r, jacobian = self.problem.compressed(point)
-            scale = np.sqrt(self.count / len(r))
-            return r * scale, jacobian[:, free] * scale
-
-        search = Block(free, start[free], *at(start[free]), tolerance=REFIT)
-        for _ in range(MOST if len(free) else 0):
-            step, promised = search.step()
-            search.update(step, promised, *at(np.clip(search.x + step, 0.0, 1.0)))
-            if search.done:
-                break
-        point[free] = search.x
-        return point.copy(), search.cost
-
 
 def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
     """Variance of the residuals, and the sandwich variance of one coordinate over the plain one, at least 1."""
-    residuals, jacobian = problem.residuals_and_jacobian(z)
+    residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
     own, jacobian = int(np.sum(free[:place])), jacobian[:, free]
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - int(free.sum())), np.finfo(float).tiny)
     blocks = residual_blocks(problem)
     hessian = normal_matrix(jacobian, blocks) / variance
-    bread = np.linalg.inv(hessian + box_prior(hessian))[own]
+    curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
+    bread = np.linalg.inv(curved + box_prior(curved))[own]
     plain = float(bread @ hessian @ bread)
     robust = 0.0
     for block in blocks:
