@@ -47,7 +47,7 @@ REFERENCES_OF: dict[str, tuple[str, ...]] = {
     "elite_ga": ("pymoo-ga",),
     "binary_ga": ("pymoo-binary-ga",),
     "salp_swarm": ("mealpy-sso",),
-    "de": ("pymoo-de",),
+    "de": ("pymoo-de", "pymoo-de-published"),
     "shade": ("minion-shade",),
     "lshade": ("minion-lshade",),
     "jso": ("minion-jso",),

@@ -170,11 +170,12 @@ def pymoo_binary_ga(run: Run, seed: int) -> None:
     _pymoo(run, seed, ga, n, gray_to_box)
 
 
-def pymoo_de(run: Run, seed: int) -> None:
+def pymoo_de(run: Run, seed: int, *, mutated: float = 0.1) -> None:
+    """`mutated` is the share of trials that pymoo's DE also sends through polynomial mutation; its own default."""
     from pymoo.algorithms.soo.nonconvex.de import DE
 
     d = run.dimension
-    _pymoo(run, seed, DE(pop_size=min(max(5 * d, 20), 100), variant="DE/rand/1/bin", CR=0.9, F=0.5), d)
+    _pymoo(run, seed, DE(pop_size=min(max(5 * d, 20), 100), variant="DE/rand/1/bin", CR=0.9, F=0.5, prob_mut=mutated), d)
 
 
 def minion(run: Run, seed: int, *, name: str, options: Callable[[int], dict[str, Any]]) -> None:
@@ -223,7 +224,8 @@ REFERENCES: dict[str, Reference] = {
     "dish-python-repaired": Reference(partial(dish_python, faults=False), "numpy", "the same, faults repaired"),
     "pymoo-pso": Reference(pymoo_pso, "pymoo", "not adaptive, constriction coefficients, N = 40 (14 in 5-D)"),
     "pymoo-ga": Reference(pymoo_ga, "pymoo", "N = 100, SBX(0.9, 15), PM(1/d, 20)"),
-    "pymoo-de": Reference(pymoo_de, "pymoo", "rand/1/bin, N = 5 d, F = 0.5, CR = 0.9"),
+    "pymoo-de": Reference(pymoo_de, "pymoo", "rand/1/bin, N = 5 d, F = 0.5, CR = 0.9, a tenth of the trials mutated"),
+    "pymoo-de-published": Reference(partial(pymoo_de, mutated=0.0), "pymoo", "the same as published, without that mutation"),
     "scipy-de": Reference(scipy_de, "scipy", "defaults (best/1/bin, N = 15 d), tol 0, no polish"),
     "mealpy-sso": Reference(mealpy_sso, "mealpy", "OriginalSSO, N = 50"),
     "pycma": Reference(pycma, "cma", "bounds, sigma0 = 0.3 ranges, uniform start, restarted"),

@@ -53,7 +53,7 @@ PAIRS = {
     "sea": ("pymoo-ga",),
     "binary_ga": ("pymoo-ga",),
     "salp_swarm": ("mealpy-sso",),
-    "de": ("pymoo-de",),
+    "de": ("pymoo-de", "pymoo-de-published"),
     "shade": ("minion-shade",),
     "lshade": ("minion-lshade", "minion-lshade-default"),
     "jso": ("minion-jso", "minion-jso-default"),

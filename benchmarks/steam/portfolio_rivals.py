@@ -30,9 +30,8 @@ PYHMS_RUNS = 3
 SAME_POPULATION = {"population_size": 100, "x_tol": 0.0}  # what our L-SHADE and jSO begin with in 310-D
 
 BOX: dict[str, Reference] = {
-    **{
-        name: REFERENCES[name] for name in ("numpy-random", "pymoo-pso", "pymoo-ga", "pymoo-de", "mealpy-sso", "minion-pso", "minion-shade")
-    },
+    **{name: REFERENCES[name] for name in ("numpy-random", "pymoo-pso", "pymoo-ga", "pymoo-de", "pymoo-de-published")},
+    **{name: REFERENCES[name] for name in ("mealpy-sso", "minion-pso", "minion-shade")},
     "minion-lshade": Reference(partial(minion, name="LSHADE", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"),
     "minion-jso": Reference(partial(minion, name="jSO", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"),
     "minion-lshade-default": Reference(partial(minion, name="LSHADE", options=lambda d: {"x_tol": 0.0}), "minionpy", "its default N0"),

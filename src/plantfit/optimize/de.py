@@ -34,8 +34,9 @@ class DifferentialEvolution:
 
     Mutants, with r1, r2, r3 distinct and not the target: "rand/1" x_r1 + F (x_r2 - x_r3), "best/1"
     x_best + F (x_r1 - x_r2), "current-to-best/1" x_i + F (x_best - x_i) + F (x_r1 - x_r2). A coordinate outside
-    the cube goes halfway back from the bound to the target. A member that could not be simulated is no parent:
-    its row searches from one that could. A collapsed population begins anew.
+    the cube goes halfway back from the bound to where the mutant started (bounce-back; Price, Storn and Lampinen 2005,
+    Differential Evolution, section 4.3): with the target in its place, runs in 310 dimensions cost six times as much. A member
+    that could not be simulated is no parent: its row searches from one that could. A collapsed population begins anew.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=SMALLEST)
@@ -57,19 +58,22 @@ class DifferentialEvolution:
         u = jax.random.uniform(numbers, (4, rows))
         base = jnp.arange(rows) % count
         x = state.x[base]
-        v = between(self._mutants(u, state.x, base, count), x)
+        origin, difference = self._mutants(u, state.x, base, count)
+        v = between(origin + self.factor * difference, origin)
         rate = jnp.full(rows, self.rate)
         trial = binomial(jax.random.uniform(crossing, (rows, d)), pick(u[3], jnp.asarray(d)), rate, v, x)
         return uniform_if(state.fresh, place, trial), state
 
-    def _mutants(self, u: Array, x: Array, base: Array, count: Array) -> Array:
+    def _mutants(self, u: Array, x: Array, base: Array, count: Array) -> tuple[Array, Array]:
+        """Where the mutants start from, and the difference that is added to it."""
         r1 = pick_other(u[0], count, base)
         r2 = pick_other(u[1], count, base, r1)
         if self.strategy == "rand/1":
             r3 = pick_other(u[2], count, base, r1, r2)
-            return x[r1] + self.factor * (x[r2] - x[r3])
-        origin = x[:1] if self.strategy == "best/1" else x[base] + self.factor * (x[:1] - x[base])
-        return origin + self.factor * (x[r1] - x[r2])
+            return x[r1], x[r2] - x[r3]
+        between_best = jnp.clip(x[base] + self.factor * (x[:1] - x[base]), 0.0, 1.0)  # F may be above 1
+        origin = x[:1] if self.strategy == "best/1" else between_best
+        return origin, x[r1] - x[r2]
 
     def tell(self, state: Members, x: Array, f: Array) -> tuple[Members, Info]:
         told = select(state, x, f)
