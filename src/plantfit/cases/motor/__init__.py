@@ -1,0 +1,1 @@
+"""A DC motor on a microcontroller's bench: surrogate, two error signals, and what its speed alone determines."""
