@@ -43,6 +43,8 @@ def test_every_kind_has_defaults(capsys, monkeypatch, tmp_path, kind):
         (("chirp", "--amplitude", "6V", "--duration", "10s", "--order", "4"), 7, "A chirp has no --order"),
         (("chirp", "--amplitude", "6V"), 7, "needs --duration"),
         (("prbs", "--amplitude", "six"), 7, "--amplitude 'six' is no number"),
+        (("prbs", "--amplitude", "6kg", "--duration", "10s"), 4, "'6kg' is in 'kg', but the signal 'V' is a voltage"),
+        (("prbs", "--amplitude", "6blah", "--signal", "u", "--duration", "10s"), 4, "blah"),
         (("prbs", "--amplitude", "6V", "--duration", "10m"), 4, "cannot be converted"),
         (("prbs", "--amplitude", "6V", "--duration", "10s", "--slew", "10V/s"), 3, "slew of 10"),
         (("prbs", "--amplitude", "6V", "--duration", "10s", "--duty", "0.9"), 3, "supply="),
@@ -56,3 +58,11 @@ def test_mistakes_are_one_sentence(capsys, monkeypatch, tmp_path, words, code, s
     assert sentence in said.err
     assert said.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_another_signal_may_be_in_another_unit(capsys, monkeypatch, tmp_path):
+    out = ("--duration", "10s", "--out", tmp_path / "e.csv")
+    assert call(capsys, monkeypatch, "excite", "prbs", "--amplitude", "2N*m", "--signal", "torque", *out).code == 0
+    made = read_csv(tmp_path / "e.csv")
+    assert np.max(made["torque"]) == 2.0
+    assert made.signals["torque"].unit == "N*m"

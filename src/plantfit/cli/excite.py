@@ -7,8 +7,9 @@ from typing import Any
 
 from plantfit.cli.out import out, print_json
 from plantfit.cli.quantities import number_and_unit, quantity
-from plantfit.errors import SpecError
+from plantfit.errors import SpecError, UnitError
 
+VOLTAGE = "V"  # the signal that an excitation is by default
 KINDS = ("prbs", "multisine", "chirp", "staircase", "sine-square")
 
 
@@ -29,6 +30,7 @@ def excite(
 
     make = _maker(kind)
     peak, unit = number_and_unit("--amplitude", amplitude, "V")
+    _refuse_other_units(amplitude, unit, limits["signal"])
     made = make(peak, **_settings(kind, make, settings, unit), signal=limits["signal"], unit=unit)
     name = limits["signal"]
     voltage, supply = quantity("--limit", limits["limit"], unit), quantity("--supply", limits["supply"], unit)
@@ -52,6 +54,18 @@ def excite(
     out.print(f"Crest factor {crest:.3f}.")
     for place in written.values():
         out.print(f"Written: {place}", markup=False)
+
+
+def _refuse_other_units(amplitude: str, unit: str, signal: str) -> None:
+    """The signal V is a voltage; another one may be in any unit that there is."""
+    from plantfit import units
+
+    units.parse(unit)
+    if signal == VOLTAGE and not units.compatible(unit, "V"):
+        raise UnitError(
+            f"--amplitude {amplitude!r} is in {unit!r}, but the signal {VOLTAGE!r} is a voltage; give volts, such as --amplitude 6V, or "
+            "name another signal with --signal."
+        )
 
 
 def _maker(kind: str) -> Callable[..., Any]:
