@@ -31,8 +31,9 @@ def test_the_mean_of_a_line_over_a_window_is_the_line_half_a_window_before():
 
 def test_each_sample_may_have_a_delay_of_its_own():
     t = np.arange(4.0)
-    r = Recording(t, {"y": Signal(t), "k": Signal(10 * t), "late": Signal(np.array([0.0, 250.0, 500.0, np.nan]), "ms")}, "run")
-    r = Recording(t, r.signals | {"y": Signal(np.array([0.0, 1.0, 2.0, np.nan])), "k": Signal(np.array([0.0, 10.0, 20.0, np.nan]))}, "run")
+    y = np.array([0.0, 1.0, 2.0, np.nan])
+    late = np.array([0.0, 250.0, 500.0, np.nan])
+    r = Recording(t, {"y": Signal(y), "k": Signal(10 * y), "late": Signal(late, "ms")}, "run")
     back = rec.backdate(r, ["y", "k"], "late")
     np.testing.assert_array_equal(back.t, [0.0, 0.75, 1.0, 1.5, 2.0, 3.0])
     np.testing.assert_array_equal(back["y"], [0.0, 1.0, np.nan, 2.0, np.nan, np.nan])

@@ -49,6 +49,7 @@ def period_to_speed(
     timeout: float | None = None,
     *,
     slot_error: float = 0.0,
+    tick: float = 0.0,
     counts: str | None = None,
     lag: str | None = None,
     slot: str | None = None,
@@ -56,8 +57,9 @@ def period_to_speed(
     """Add the speed of a shaft as `name` (rad/s): ratio (2 pi / pulses) / Tp from the period Tp of the encoder's pulses.
 
     `pulses` a revolution of the encoder; `timeout` (s): such a period and longer ones mean rest, 0 rad/s. The sign is that of
-    the period, for encoders that tell the direction. `slot_error` is the rms error of an edge's place as a share of a slot: the
-    mean of 1/Tp is high by 2 of its squares, and by a third where samples skip pulses; both are taken off.
+    the period, for encoders that tell the direction. What makes the mean of 1/Tp high is taken off: of `slot_error`, the
+    rms error of an edge's place as a share of a slot, 2 squares, and a third where samples skip pulses; of `tick`, the timer's step
+    (s), a sixth of the square of tick/Tp.
 
     `counts` names the counted pulses: where they have not changed, Tp is an old one and the speed becomes missing. With it two new
     signals may be named. `lag` (s), for `backdate`: the speed is the mean over a pulse, whose middle was on average
@@ -72,11 +74,14 @@ def period_to_speed(
         raise RecordingError(f"{step}: the period has no unit; give units= when reading, such as 's' or 'us'.")
     if not 0 <= slot_error < 0.3:
         raise RecordingError(f"{step}: slot_error is {slot_error!r}; give a share of a slot from 0 to 0.3, such as 0.02.")
+    if not 0 <= tick < np.inf:
+        raise RecordingError(f"{step}: tick is {tick!r}; give the step of the timer in seconds, such as 1e-6.")
     period = source.values * factor_offset(source.unit, "s")[0]
     if np.any(period == 0):
         raise RecordingError(f"{step}: the period is 0 at {recording.t[int(np.argmax(period == 0))]:g} s; drop that sample first.")
     sampling = np.diff(recording.t, prepend=recording.t[0])
-    speed = width / period / (1 + slot_error**2 * np.where(np.abs(period) < sampling, 3, 2))
+    high = slot_error**2 * np.where(np.abs(period) < sampling, 3, 2) + (tick / period) ** 2 / 6
+    speed = width / period / (1 + high)
     if counts is None and (lag is not None or slot is not None):
         raise RecordingError(f"{step}: lag and slot need the counted pulses; give counts, the signal that holds them.")
     counted = None if counts is None else signal_of(recording, counts).values
@@ -84,7 +89,7 @@ def period_to_speed(
         speed[np.diff(counted, prepend=counted[:1]) == 0] = np.nan
     if timeout is not None:
         speed[np.abs(period) >= require_positive(timeout, f"{step}: timeout")] = 0.0
-    said = f"{pulses:g} pulses, ratio {ratio:g}{f', slot error {slot_error:g}' if slot_error else ''}"
+    said = f"{pulses:g} pulses, ratio {ratio:g}{f', slot error {slot_error:g}' if slot_error else ''}{f', timer of {tick:g} s' if tick else ''}"
     sentence = f"{name!r} is the speed of the pulse period {signal!r} ({said}), {_known(speed)} samples."
     recording = with_new(recording, name, speed, "rad/s", sentence, step)
     if lag is not None:
