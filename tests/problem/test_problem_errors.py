@@ -28,6 +28,7 @@ EMPTY = Recording(np.arange(3.0), {"u": Signal(np.ones(3)), "y": Signal(np.full(
         (Experiment(line_recording(), fit=(90.0, 99.0)), {}, RecordingError, ["No measured sample", "fit interval"]),
         (line_recording(unit="kg"), {}, UnitError, ["'y'", "'kg'", "'rad/s'"]),
         (line_recording(), {"parameters": {"c": 1.0}}, SpaceError, ["'c'", "'a'", "'b'"]),
+        (line_recording(), {"parameters": {"a": {"bounds": (1, 3)}}}, SpaceError, ["'a'", "Parameter((low, high)"]),
         (line_recording(), {"parameters": {"a": (3, 1)}}, SpaceError, ["'a'", "[3, 1]", "[1, 3]"]),
         (line_recording(), {"parameters": {"b": Parameter((0, 1), "kg")}}, UnitError, ["'b'", "'kg'", "'rad/s'"]),
         (line_recording(), {"parameters": {"b": Parameter(tied="q")}}, SpaceError, ["'q'", "does not exist"]),

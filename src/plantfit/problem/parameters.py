@@ -29,6 +29,11 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
     if isinstance(change, int | float):
         return dataclasses.replace(base, value=float(change))
     if not isinstance(change, Parameter):
+        if not isinstance(change, tuple | list | np.ndarray) or len(change) != 2:
+            raise SpaceError(
+                f"Parameter {name!r} is given as {change!r}; give (low, high), a number to hold, or "
+                "Parameter((low, high), per_recording=True) for more."
+            )
         low, high = change
         return dataclasses.replace(base, bounds=(low, high), value=None)
     if change.shape and change.shape != base.shape:

@@ -11,6 +11,7 @@ from plantfit.recording.differentiation import DerivativeError, compare_derivati
 from plantfit.recording.encoder import counts_to_angle, counts_to_speed, period_to_speed
 from plantfit.recording.filters import lowpass
 from plantfit.recording.gaps import fill_gaps
+from plantfit.recording.levels import levels
 from plantfit.recording.motion import smooth_motion
 from plantfit.recording.moving_rms import moving_rms
 from plantfit.recording.odometry import odometry
@@ -48,6 +49,7 @@ __all__ = [
     "fill_gaps",
     "from_arrays",
     "from_frame",
+    "levels",
     "lowpass",
     "moving_rms",
     "odometry",

@@ -1,0 +1,1 @@
+"""A board with two heaters (Temperature Control Lab): dead time of one, energy balances of both."""
