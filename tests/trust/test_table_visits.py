@@ -52,7 +52,7 @@ def test_a_point_that_is_not_finite_has_no_weight():
 
 
 def test_every_recording_counts_its_own_way_through_its_tables():
-    problem = Problem(steam_chamber(), {"low": record(10.0), "high": record(60.0)}, OWN, substeps=1)
+    problem = Problem(steam_chamber(), {"low": record(10.0), "high": record(60.0, 55.0)}, OWN, substeps=1)
     values = at(problem, 0.2)
     visits = {(v.table.name, v.recording): v for v in table_visits(problem, values)}
     assert set(visits) == {(n, r) for n in ("k", "A1", "A2") for r in ("low", "high")}
@@ -60,7 +60,7 @@ def test_every_recording_counts_its_own_way_through_its_tables():
         v, y = visits["k", name], problem.predict(values, name)["y"]
         assert end * 0.9 < y.max() < end * 1.1
         cell = np.clip(np.floor(y / (20.0 / 9.0)).astype(int), 0, 8)
-        np.testing.assert_allclose(operating_points(problem, values, name)["x1"], y, rtol=1e-12)
+        np.testing.assert_allclose(operating_points(problem, values)[name]["x1"], y, rtol=1e-12)
         assert v.total == len(y)
         assert v.weight.sum() == pytest.approx(len(y))
         assert v.share.sum() == pytest.approx(1.0)

@@ -1,28 +1,58 @@
 """Where on its tables a model works along the recordings, and which entries that touches."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.tables import Table
+from plantfit.problem.experiment import Experiment
 from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording, Signal
+from plantfit.simulate.simulator import Drive
 
 import jax.numpy as jnp
 
 
-def operating_points(problem: Problem, values: Any, name: str) -> dict[str, np.ndarray]:
-    """The signals that the model's tables are over, each (n,), in one fitted recording simulated at `values` (d,).
+def operating_points(problem: Problem, values: Any) -> dict[str, dict[str, np.ndarray]]:
+    """By fitted recording the signals that the model's tables are over, each (n,), simulated at `values` (d,).
 
     The n samples are those up to the last fitted one: what comes before the fitted part is simulated too.
     """
     wanted = {signal for table in getattr(problem.model, "tables", ()) for signal in table.over}
     if not wanted:
         return {}
-    p = problem.space.tree(jnp.asarray(values), name)
-    found = problem.compiled["trajectories"](p, problem.data["drive"][name])
-    return {n: np.asarray(v) for n, v in found.items() if n in wanted}
+    found, values = {}, jnp.asarray(values)
+    for name, (drive, n) in _drives(problem).items():
+        signals = problem.compiled["trajectories"](problem.space.tree(values, name), drive)
+        found[name] = {s: np.asarray(v)[:n] for s, v in signals.items() if s in wanted}
+    return found
+
+
+def _drives(problem: Problem) -> dict[str, tuple[Any, int]]:
+    """The drives of the fitted parts and their samples n; moving records held on to the length of the longest share one program."""
+    drives = problem.data["drive"]
+    moving = {n: len(d.t) for n, d in drives.items() if isinstance(d, Drive)}
+    most = max(moving.values(), default=0)
+    made = {}
+    for name, drive in drives.items():
+        if name not in moving:
+            made[name] = drive, len(drive.value[0])
+        elif moving[name] == most or getattr(problem.model, "state_delays", ()):
+            made[name] = drive, moving[name]
+        else:
+            made[name] = problem.predictor.drive(_held_on(problem.experiments[name], moving[name], most)), moving[name]
+    return made
+
+
+def _held_on(experiment: Experiment, n: int, most: int) -> Experiment:
+    """The first n samples of a recording, then its last values up to `most`."""
+    r = experiment.recording
+    t = np.r_[r.t[:n], r.t[n - 1] + np.arange(1, most - n + 1) * np.median(np.diff(r.t[:n]))]
+    signals = {k: Signal(np.r_[s.values[:n], np.full(most - n, s.values[n - 1])], s.unit) for k, s in r.signals.items()}
+    return replace(experiment, recording=Recording(t, signals, r.name))
 
 
 def hat_weights(table: Table, points: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -39,14 +39,14 @@ class Rows:
             total[np.ix_(own, own)] += jacobian.T @ jacobian
         return total
 
-    def at(self, z: np.ndarray, smoothing: Smoothing, keep: np.ndarray | None) -> list[tuple[np.ndarray, np.ndarray]]:
+    def at(self, z: np.ndarray, smoothing: Smoothing | None, keep: np.ndarray | None) -> list[tuple[np.ndarray, np.ndarray]]:
         """For every group residuals (k,) and derivatives (k, q) of the rows `keep` (m,), all if None, in few rows, then of bends."""
         parts = []
         for (r, jacobian), (own, place) in zip(self.blocks(z), self.places, strict=True):
             kept = slice(None) if keep is None else keep[place]
             parts.append((triangle(np.column_stack([jacobian[kept], r[kept]])), own))
         members = [[part] for part in parts] if len(self.groups) > 1 else [parts]
-        bends, slopes = smoothing.weighted(z)
+        bends, slopes = smoothing.weighted(z) if smoothing else (np.zeros(0), np.zeros((0, len(z))))
         made = []
         for own, rows in zip(self.groups, members, strict=True):
             here = np.any(slopes[:, own] != 0, axis=1)
@@ -57,12 +57,12 @@ class Rows:
         return made
 
 
-def descend(rows: Rows, smoothing: Smoothing, z: np.ndarray, keep: np.ndarray | None = None) -> np.ndarray:
-    """The point (d,) where the sum of squares of rows `keep` and bends is least, from z by bounded Levenberg-Marquardt."""
+def descend(rows: Rows, smoothing: Smoothing | None, z: np.ndarray, keep: np.ndarray | None = None, most: int = STEPS) -> np.ndarray:
+    """The point (d,) where the sum of squares of rows `keep` and bends is least, from z by bounded Levenberg-Marquardt, `most` steps."""
     z = np.clip(np.asarray(z, dtype=float), 0.0, 1.0)
     start = rows.at(z, smoothing, keep)
     searches = [Block(own, z[own], r, j, TOLERANCE, DAMPING) for own, (r, j) in zip(rows.groups, start, strict=True)]
-    for _ in range(STEPS):
+    for _ in range(most):
         if all(s.done for s in searches):
             break
         trial, steps = z.copy(), []

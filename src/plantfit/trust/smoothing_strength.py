@@ -18,6 +18,7 @@ FOLDS, PIECES = 5, 2  # left-out parts, and the pieces of each recording that on
 BENDS = tuple(10.0 ** (-0.5 - 0.5 * k) for k in range(9))  # typical bends (box widths) that cross-validation compares, 0.3 to 3e-5
 FINEST, COARSEST = 1e-6, 1e3  # typical bends that strengths stay between
 ROUNDS, SETTLED = 60, 0.01  # of restricted maximum likelihood: rounds at most, change of a strength's logarithm that ends them
+STEPS = 3  # towards the answer in each round
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def by_reml(problem: Problem, z: np.ndarray, names: Sequence[str] | None = None)
 
         strength <- strength phi (tr(S^- B'B) - tr((J'J + S)^-1 B'B)) / b'b
 
-    (generalised Fellner-Schall: Wood and Fasiolo, Biometrics 73 (2017) 1071, eq. 4), each round at the answer to its strengths.
+    (generalised Fellner-Schall: Wood and Fasiolo, Biometrics 73 (2017) 1071, eq. 4), each round near the answer to its strengths.
     phi is the variance of a residual times the factor by which correlation from sample to sample inflates that of a mean.
     """
     smoothing = _smoothing(problem)
@@ -72,10 +73,10 @@ def by_reml(problem: Problem, z: np.ndarray, names: Sequence[str] | None = None)
         moved = _fellner_schall(smoothing, chosen, z, phi, inverse)
         change = max(abs(np.log(moved[k] / smoothing.strengths[k])) for k in chosen)
         smoothing = smoothing.with_strengths(moved)
-        z = descend(rows, smoothing, z)
+        z = descend(rows, smoothing, z, most=STEPS)
         if change < SETTLED:
             break
-    return Chosen(problem.with_smoothing(smoothing.strengths), z)
+    return Chosen(problem.with_smoothing(smoothing.strengths), descend(rows, smoothing, z))
 
 
 def _fellner_schall(smoothing: Smoothing, chosen: Sequence[Key], z: np.ndarray, phi: float, inverse: np.ndarray) -> dict[Key, float]:

@@ -52,8 +52,7 @@ def table_visits(problem: Problem, values: Any) -> list[Visits]:
     space, tables = problem.space, {t.name: t for t in getattr(problem.model, "tables", ())}
     used = {n: space.root(n) for n in tables if space.parameters[space.root(n)].value is None}
     found: dict[tuple[str, str | None], Visits] = {}
-    for recording in problem.data["drive"] if used else ():
-        points = operating_points(problem, values, recording)
+    for recording, points in (operating_points(problem, values) if used else {}).items():
         weights: dict[Any, np.ndarray] = {}  # tables over the same nodes have the same
         for name, root in used.items():
             table, own = tables[name], recording if space.parameters[root].per_recording else None

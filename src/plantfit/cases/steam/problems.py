@@ -37,15 +37,20 @@ def static_model() -> Model:
 
 
 def static_problem(
-    recordings: Mapping[str, Recording], *, until: float = np.inf, dead_time: tuple[float, float] = (0.0, 1.0), substeps: int = 1
+    recordings: Mapping[str, Recording],
+    *,
+    until: float = np.inf,
+    dead_time: tuple[float, float] | float = (0.0, 1.0),
+    substeps: int = 1,
 ) -> Problem:
-    """k, A1, A2, Td of each opening, from its samples in (0, until] s; `dead_time` bounds Td (s).
+    """k, A1, A2, Td of each opening, from its samples in (0, until] s; `dead_time` bounds Td (s), one number holds it.
 
     Its cost is the mean over all samples; `total_cost` is the paper's. For one opening both are the same.
     """
     own = {n: Parameter(per_recording=True, start=STATIC_START[n]) for n in ("k", "A1", "A2")}
-    own["Td"] = Parameter(dead_time, "s", per_recording=True, start=STATIC_START["Td"])
-    return Problem(static_model(), _steps(recordings, until), own, substeps=substeps, name="static")
+    held = isinstance(dead_time, float | int)
+    own["Td"] = Parameter(value=dead_time) if held else Parameter(dead_time, "s", per_recording=True, start=STATIC_START["Td"])
+    return Problem(static_model(), steps_from_rest(recordings, until), own, substeps=substeps, name="static")
 
 
 def dynamic_problem(recordings: Mapping[str, Recording], *, weighted: bool = False, substeps: int = 1) -> Problem:
@@ -55,9 +60,9 @@ def dynamic_problem(recordings: Mapping[str, Recording], *, weighted: bool = Fal
     """
     own = {n: Parameter(per_recording=True) for n in ("k", "A1", "A2", "Td")}
     if not weighted:
-        return Problem(steam_chamber(), _steps(recordings), own, substeps=substeps, name="dynamic")
+        return Problem(steam_chamber(), steps_from_rest(recordings), own, substeps=substeps, name="dynamic")
     scale = {"y": len(recordings) ** -0.5}  # the sum over openings in place of their mean
-    return Problem(steam_chamber(), _steps(recordings), own, balance="recordings", scales=scale, substeps=substeps, name="dynamic")
+    return Problem(steam_chamber(), steps_from_rest(recordings), own, balance="recordings", scales=scale, substeps=substeps, name="dynamic")
 
 
 def total_cost(problem: Problem, z: np.ndarray) -> float:
@@ -80,7 +85,7 @@ def tables_from_static(problem: Problem, static: Mapping[str, float]) -> np.ndar
     return np.clip(problem.space.cube(values), 0.0, 1.0)
 
 
-def _steps(recordings: Mapping[str, Recording], until: float = np.inf) -> dict[str, Experiment]:
+def steps_from_rest(recordings: Mapping[str, Recording], until: float = np.inf) -> dict[str, Experiment]:
     """Steps from rest; the sample at t = 0 is not scored, as in the paper."""
     before = {"u": 0.0}
     return {n: Experiment(r, fit=(0.5 * float(r.t[1] - r.t[0]), until + 1e-6), before=before) for n, r in recordings.items()}
