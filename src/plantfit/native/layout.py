@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import plantfit.runtime  # noqa: F401
@@ -75,20 +76,22 @@ class Layout:
 
 
 def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:
-    """Lanes over all axes, or over those that no step data vary over, whichever costs less.
+    """The axes whose lanes cost least; the others become groups.
 
-    Broadcasting step data over axes that they lack copies K numbers per lane; each such leaf counts as a tenth of the work.
+    Step data that vary over some of the lanes' axes, or of the groups', are copied over the others, K numbers per lane; each such leaf counts as a tenth
+    of the work.
     """
-    everything = tuple(range(len(batch)))
-    data = [p for p, r in zip(present, rows, strict=True) if r and any(p)]
-    outer = tuple(a for a in everything if any(p[a] for p in data))
-    inner = tuple(a for a in everything if a not in outer)
-    flat = _with_lanes(batch, (), everything, width, most)
-    if not outer or not inner:
-        return flat
-    split = _with_lanes(batch, outer, inner, width, most)
-    copied = sum(1 for p in data if not all(p))
-    return split if _work(split) <= _work(flat) * (1 + 0.1 * copied) else flat
+    axes = tuple(range(len(batch)))
+    data = [p for p, r in zip(present, rows, strict=True) if r]
+
+    def cost(layout: Layout) -> float:
+        sets = (layout.group_axes, layout.lane_axes)
+        copied = sum(any(0 < sum(p[a] for a in axes) < len(axes) for axes in sets) for p in data)
+        return _work(layout) * (1 + 0.1 * copied)
+
+    subsets = (lanes for count in range(len(axes), 0, -1) for lanes in combinations(axes, count))
+    layouts = [_with_lanes(batch, tuple(a for a in axes if a not in lanes), lanes, width, most) for lanes in subsets]
+    return min(layouts, key=cost) if layouts else _with_lanes(batch, (), (), width, most)
 
 
 def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:

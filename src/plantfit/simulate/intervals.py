@@ -4,6 +4,7 @@ An interval with edges of delayed inputs is cut at them, in straight code withou
 """
 
 from collections.abc import Callable
+from functools import lru_cache, partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -109,6 +110,7 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
     return advance
 
 
+@lru_cache(maxsize=64)  # so that a problem's functions are traced once, wherever they are called
 def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
     """`run(p, x, rows, around) -> (x, totals)`: the states after all intervals of one row, and the sums of squares by output.
 
@@ -117,11 +119,12 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
     """
     advance = interval(simulator, edges)
 
+    @partial(jax.jit, static_argnums=4, inline=True)
     def loop(p, x, rows: Row, around, keep: bool):
         def body(carry, row):
-            x, totals = carry
-            x, residuals = advance(p, x, row, around)
-            return (x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), x
+            before, totals = carry
+            x, residuals = advance(p, before, row, around)
+            return (x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), before
 
         totals = tuple(jnp.zeros(()) for _ in rows.measured)
         return native_scan(body, (x, totals), rows, keep=keep, fallback=True)
@@ -134,13 +137,13 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
         return loop(p, x, rows, around, False)[0]
 
     def forwards(p, x, rows, around):
-        ended, states = loop(p, x, rows, around, True)
-        return ended, (p, x, rows, around, states)
+        ended, before = loop(p, x, rows, around, True)
+        return ended, (p, before, rows, around)
 
+    @partial(jax.jit, inline=True)
     def backwards(saved, cotangents):
-        p, x, rows, around, states = saved
+        p, before, rows, around = saved
         adjoint, weights = cotangents
-        before = tuple(jnp.concatenate([a[None], s[:-1]]) for a, s in zip(x, states, strict=True))
 
         def body(carry, step):
             adjoint, gradient = carry
@@ -157,6 +160,7 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
     return run
 
 
+@lru_cache(maxsize=64)
 def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     """`run(p, x, s, rows, around) -> ((x, s), (residuals, slopes))` over all intervals of one row, forwards.
 
@@ -166,6 +170,7 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     """
     advance = interval(simulator, edges)
 
+    @partial(jax.jit, inline=True)
     def run(p, x, s, rows: Row, around):
         def body(carry, row):
             x, s = carry
