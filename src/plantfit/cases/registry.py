@@ -13,6 +13,7 @@ _SENTENCES = {
     "emps": "A linear drive with friction: force regression, free run from the measured force, and the closed loop.",
     "double_pendulum": "A real double pendulum: torque of both joints, a friction law chosen by runs left out, angles simulated from it.",
     "motor": "A DC motor on a microcontroller's virtual bench: surrogate, two error signals, a genetic algorithm, and what they can know.",
+    "steam": "A steam chamber on a virtual rig: dead time and 310 parameters, five methods, and what exact derivatives change.",
     "robot": "A robot's motor on a virtual bench: identified, then its PID tuned by 300 000 closed loops and by a hundredth of them.",
 }
 

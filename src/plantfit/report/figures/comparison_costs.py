@@ -28,7 +28,7 @@ def distribution_figure(methods: Sequence[Mapping[str, Any]], lines: Mapping[str
     layout = style.layout(390, violingap=0.25, boxgap=0.5)
     layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK})
     layout["yaxis"] = _cost_axis(every)
-    layout["shapes"], layout["annotations"] = _across(lines)
+    layout["shapes"], layout["annotations"] = _across(lines, log)
     return {"data": [_distribution(m, palette[m["name"]], log) for m in methods], "layout": layout}
 
 
@@ -109,9 +109,9 @@ def _cost_axis(costs: np.ndarray) -> dict[str, Any]:
     return style.log_axis("final cost", costs) if _wide(costs) else style.axis("final cost", tickformat="~g")
 
 
-def _across(lines: Mapping[str, float]) -> tuple[list[dict], list[dict]]:
-    """Horizontal lines at named costs."""
+def _across(lines: Mapping[str, float], log: bool) -> tuple[list[dict], list[dict]]:
+    """Horizontal lines at named costs; on a logarithmic axis plotly places shapes by the cost and texts by its logarithm."""
     line = {"color": style.WARNING, "width": 1.2, "dash": "dash"}
     shapes = [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line} for y in lines.values()]
     base = {"xref": "paper", "x": 1, "xanchor": "right", "yanchor": "bottom", "showarrow": False, "font": style.SMALL}
-    return shapes, [base | {"text": style.plain(name), "y": y} for name, y in lines.items()]
+    return shapes, [base | {"text": style.plain(name), "y": float(np.log10(y)) if log else y} for name, y in lines.items()]
