@@ -16,7 +16,7 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.study.objective import objective_of
 from plantfit.trust.cross_validation import Choice, choose
 
-BUDGET = 400  # Jacobians of one block's search at most
+BUDGET = 1000  # Jacobians of one block's search at most
 
 
 @dataclass(frozen=True)

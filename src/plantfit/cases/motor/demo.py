@@ -21,13 +21,13 @@ from plantfit.fitting import Answer
 from plantfit.recording import to_csv
 from plantfit.spec import load
 
-RUNS, RECORDS = (10, 50), (4, 40)  # small, full: runs of each method; records of the surrogate's comparison
+RUNS, RECORDS = (10, 50), (6, 40)  # small, full: runs of each method; records of the surrogate's comparison
 TITLE = "DC motor on a microcontroller (virtual bench)"
 SUBTITLE = "A surrogate, two error signals and a genetic algorithm without a current sensor: what that determines, and what it does not."
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`; `full` makes 50 runs of 12 methods and compares 40 records."""
+    """See `plantfit.cases.registry.demos`; `full` makes 50 runs of 11 searches and compares 40 records."""
     folder, made = unpack("motor", folder), bench()
     to_csv(made.recording, folder / "motor.csv")
     made.run.save(folder / "board")

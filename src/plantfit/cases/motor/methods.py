@@ -21,7 +21,7 @@ from plantfit.study.records import RunRecord
 # what is compared: the label, the method and what is set of it beside the study file
 GA = {"GA, 0.4 by fractions": {"rates": "fractions"}, "GA, 0.4 by individual": {"rates": "individual"}}
 SMALL = ("auto", "least_squares", "pso")
-FULL = ("auto", "least_squares", "lbfgsb", "cmaes", "lshade", "de", "pso", "cga", "salp_swarm", "sobol")
+FULL = ("auto", "least_squares", "cmaes", "lshade", "de", "pso", "cga", "salp_swarm", "sobol")
 RK4_STEPS, GUARDED = 10, 30 * 69  # substeps of 10 ms, a fixed step like that of a block diagram; evaluations
 
 

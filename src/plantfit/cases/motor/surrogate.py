@@ -53,7 +53,7 @@ def surrogate_speeds(records: Sequence[Recording], order: int, seed: int = 1) ->
     named = {f"r{k}": as_block(r) for k, r in enumerate(records)}
     space = {n: replace(p, per_recording=len(named) > 1) for n, p in own.parameters.items()}
     problem = Problem(own.model, named, space, substeps=SUBSTEPS)
-    found = minimise(objective_of(problem), "auto", budget=int(400 * problem.jacobian_charge), seed=seed)[0]
+    found = minimise(objective_of(problem), "auto", budget=int(1000 * problem.jacobian_charge), seed=seed)[0]
     values = np.asarray(problem.space.physical(found.x))
     return [problem.predict(values, name)["y"] for name in named]
 
@@ -65,7 +65,7 @@ def structure(order: int) -> Structure:
         f"a{k}": Parameter((0.003**k, 2.0**k), next(p.unit for p in model.parameters if p.name == f"a{k}"), "log")
         for k in range(1, order + 1)
     }
-    edges = {"low": Parameter((-20.0, -0.5), "V"), "high": Parameter((0.5, 20.0), "V")}
+    edges = {"low": Parameter((-20.0, -4.0), "V"), "high": Parameter((4.0, 20.0), "V")}  # below 4 V the record would look flat
     return Structure(model, {**edges, **times, "g": Parameter((-200.0, 200.0), "rad/s", shape=(NODES["count"],))})
 
 
