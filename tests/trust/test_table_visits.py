@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models import Table, steam_chamber
+from plantfit.fitting import fit
+from plantfit.models import Table, equations, steam_chamber
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.operating_points import hat_weights, operating_points
 from plantfit.recording.record import Recording, Signal
@@ -122,3 +123,16 @@ def test_many_gaps_make_one_sentence():
     (said,) = table_sentences([], rows)
     assert said["figures"]["unvisited"] == 45
     assert "and 4 more such gaps" in said["sentence"]
+
+
+def test_a_table_read_at_an_expression_of_its_signal_is_not_misjudged():
+    u = np.linspace(0.0, 4.0, 60)
+    model = equations(
+        "y = f(2*u)", inputs={"u": None}, outputs={"y": None},
+        tables={"f": {"over": "u", "nodes": [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]}}, parameters={"f": {"bounds": (-2, 2)}},
+    )  # fmt: skip
+    y = np.sin(2 * u) + 0.05 * np.random.default_rng(0).normal(size=60)
+    problem = Problem(model, Recording(np.arange(60.0), {"u": Signal(u), "y": Signal(y)}, "r"))
+    findings = fit(problem, seed=1).findings
+    assert [p["status"] == "not visited" for p in findings["parameters"]] == [False] * 5 + [True]
+    assert findings["tables"][0]["samples"] is None

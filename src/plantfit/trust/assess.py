@@ -18,7 +18,7 @@ from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
 from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
 from plantfit.trust.smoothing_strength import smoothing_rows
-from plantfit.trust.table_visits import table_visits, unvisited
+from plantfit.trust.table_visits import agreeing, table_visits
 from plantfit.trust.verdict import sentences
 
 COMBINATIONS = 5  # the worst that are told
@@ -38,8 +38,8 @@ def assess(
     best = min(runs, key=lambda r: r.cost)
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
-    visits = table_visits(problem, local.values)
-    rows = parameter_rows(problem.space, local, unvisited(visits))
+    visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
+    rows = parameter_rows(problem.space, local, unseen)
     findings = {
         "name": problem.name,
         "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
@@ -172,7 +172,8 @@ def _residual_tests(problem, predictions):
 def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The worst directions; one of a single parameter only when its row does not say so already."""
     told = {row["name"] for row in rows if row["status"] in ("flat", "at bound", NOT_VISITED)}
-    kept = [d for d in local.directions if len(d.weights) > 1 or not told.issuperset(d.weights)]
+    unseen = {row["name"] for row in rows if row["status"] == NOT_VISITED}
+    kept = [d for d in local.directions if not (told if len(d.weights) == 1 else unseen).issuperset(d.weights)]
     kept.sort(key=lambda d: (len(d.weights) == 1, -d.relative_sd))
     return [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in kept[:COMBINATIONS]]
 

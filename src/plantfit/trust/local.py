@@ -20,7 +20,8 @@ OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determi
 class Local:
     """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units.
 
-    `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1.
+    `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
+    residual depends on it at all.
     """
 
     values: np.ndarray
@@ -29,6 +30,7 @@ class Local:
     at_bound: tuple[str | None, ...]
     directions: tuple[Direction, ...]
     effective: np.ndarray
+    touched: np.ndarray
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
@@ -53,7 +55,9 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     effective = effective_parameters(jacobian[:, on], blocks, smoothing[np.ix_(on, on)], variance)
     known = np.zeros(space.dimension)
     known[on] = effective
-    return Local(values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known)
+    return Local(
+        values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0)
+    )
 
 
 def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -52,7 +52,7 @@ class ModelComparison:
     @property
     def sentences(self) -> list[str]:
         """Which model each criterion chooses, and what the samples are worth."""
-        worth = f"{self.samples} residuals count as {number(self.independent)} independent ones" if self.independent < self.samples else ""
+        worth = f"{self.samples} residuals count as {self.independent:.0f} independent ones" if self.independent < self.samples else ""
         said = [f"AICc chooses {self.best('aicc').name}, BIC {self.best('bic').name}{f' ({worth})' if worth else ''}."]
         if any(c.left_out is not None for c in self.candidates):
             best, blind = self.best("left_out"), [c.name for c in self.candidates if c.left_out is None]

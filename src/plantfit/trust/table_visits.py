@@ -1,6 +1,6 @@
 """How often the recordings use every entry of a model's tables, and which entries nothing was measured at."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,3 +70,13 @@ def _joined(a: Visits | None, b: Visits) -> Visits:
 def unvisited(visits: Sequence[Visits]) -> set[str]:
     """The coordinates, by name, that no sample depends on."""
     return {name for v in visits for name, seen in zip(v.names, v.visited.ravel(), strict=True) if not seen}
+
+
+def agreeing(visits: Sequence[Visits], touched: Mapping[str, bool]) -> tuple[list[Visits], set[str]]:
+    """The visits that hold, and the coordinates that no sample depends on, by name; `touched` tells who has a derivative.
+
+    A model that reads a table at something else than the signal it is over (k(2 u), k(|v|)) has derivatives where no sample
+    seems to be; the visits of such a table are left out.
+    """
+    good = [v for v in visits if not any(touched[n] for n in unvisited([v]))]
+    return good, {n for n in unvisited(visits) if not touched[n]}
