@@ -5,7 +5,18 @@ import pytest
 from scipy.optimize import linprog
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control import Demand, Gains, StepProfile, StepScores, judged, pid, robust_tuning, stacked_controllers, step_metrics
+from plantfit.control import (
+    Demand,
+    Gains,
+    StepProfile,
+    StepScores,
+    judged,
+    pid,
+    profile_scores,
+    robust_tuning,
+    stacked_controllers,
+    step_metrics,
+)
 from plantfit.errors import SearchError, SimulationError
 from plantfit.models.equations import equations
 from plantfit.simulate.closed_loop import closed_loop
@@ -35,6 +46,8 @@ def test_scores_of_every_step_are_those_of_its_own_stored_response():
         for i in range(3):
             seen = loop().simulate(g, plant(i), PROFILE.reference(PERIOD))
             t, y, u = (np.asarray(v) for v in (seen.t, seen.y, seen.u))
+            stored = profile_scores(PROFILE, t, y, u)
+            np.testing.assert_allclose(np.array(stored), np.array([v[c, i] for v in scores]), rtol=1e-9)
             for s, (begin, end, level) in enumerate(((0, 80, 1.0), (80, 140, 3.0), (140, 200, 2.0))):
                 own = step_metrics(t[begin:end], y[begin:end], level, band=0.05)
                 size = abs(level - y[begin])

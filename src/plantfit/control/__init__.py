@@ -13,7 +13,7 @@ from plantfit.control.pid import Gains, pid
 from plantfit.control.pid_per_output import pid_per_output
 from plantfit.control.robust import Demand, Tuned, costs_over, judged, robust_tuning, stacked_controllers
 from plantfit.control.step_metrics import StepMetrics, step_metrics, step_observer
-from plantfit.control.step_profile import StepProfile, StepScores
+from plantfit.control.step_profile import StepProfile, StepScores, profile_scores
 from plantfit.control.takagi_sugeno import takagi_sugeno
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "pid",
     "pid_per_output",
     "pid_to_c",
+    "profile_scores",
     "robust_tuning",
     "stacked_controllers",
     "step_metrics",

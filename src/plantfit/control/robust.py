@@ -85,12 +85,11 @@ def costs_over(loop: ClosedLoop, controllers: Any, plants: Mapping[str, Any], pr
 
 @dataclass(frozen=True)
 class Tuned:
-    """The best controller found: its `parameters`, their `values` by name, the cost over the family, `scores` (plants, steps)."""
+    """The best controller found: its `parameters`, their `values` by name, the cost over the family, all runs of the search."""
 
     parameters: Any
     values: dict[str, float]
     cost: float
-    scores: StepScores
     runs: list[RunResult]
 
 
@@ -106,6 +105,7 @@ def robust_tuning(
     budget: int = 300,
     runs: int = 1,
     seed: int = 1,
+    settings: Mapping[str, Any] | None = None,
     progress: Callable[[Any], None] | None = None,
     stop: Callable[[], bool] | None = None,
     **given: Any,
@@ -125,19 +125,12 @@ def robust_tuning(
         return costs_over(loop, jax.vmap(controller)(zs), plants, profile, demand, **given)
 
     objective = Objective(space.dimension, costs, start=None if space.start is None else space.start[None, :])
-    found = minimise(objective, method, budget=budget, runs=runs, seed=seed, progress=progress, stop=stop)
+    found = minimise(objective, method, budget=budget, runs=runs, seed=seed, settings=settings, progress=progress, stop=stop)
     best = min(found, key=lambda r: r.cost)
     if not np.isfinite(best.cost):
         raise SearchError("No controller within the bounds of its gains keeps every plant of the family finite; lower or widen them.")
     values = dict(zip(space.names, np.asarray(space.physical(best.x)).tolist(), strict=True))
-    parameters = make(**values)
-    return Tuned(parameters, values, best.cost, of_one(loop, parameters, plants, profile, **given), found)
-
-
-def of_one(loop: ClosedLoop, parameters: Any, plants: Mapping[str, Any], profile: StepProfile, **given: Any) -> StepScores:
-    """`judged` for one controller: arrays (plants, steps)."""
-    scores = judged(loop, stacked_controllers([parameters]), plants, profile, **given)
-    return StepScores(*(np.asarray(v)[0] for v in scores))
+    return Tuned(make(**values), values, best.cost, found)
 
 
 def stacked_controllers(parameters: Sequence[Any]) -> Any:

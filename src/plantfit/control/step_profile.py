@@ -1,7 +1,7 @@
 """A reference that steps through several levels, and what each step is judged by."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.simulate.closed_loop import Observer
 
+import jax
 import jax.numpy as jnp
+from jax import lax
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,28 @@ class StepScores(NamedTuple):
     overshoot: Any
     settling: Any
     travel: Any
+
+
+def profile_scores(profile: StepProfile, t: Any, y: Any, u: Any) -> StepScores:
+    """`StepScores` of stored responses y and inputs u (..., N) at times t (N,) in seconds, by the code of the loop's observer."""
+    t, y, u = (np.asarray(v, dtype=float) for v in (t, y, u))
+    if t.ndim != 1 or y.shape != u.shape or y.shape[-1:] != t.shape or not len(t):
+        raise SimulationError(f"The responses have times {t.shape}, outputs {y.shape} and inputs {u.shape}; give (N,), (..., N), (..., N).")
+    found = _fold(profile, t, y.reshape(-1, len(t)), u.reshape(-1, len(t)))
+    return StepScores(*(np.asarray(v).reshape(*y.shape[:-1], len(profile.times)) for v in found))
+
+
+@partial(jax.jit, static_argnums=0)
+def _fold(profile: StepProfile, t: Any, ys: Any, us: Any) -> StepScores:
+    observer = _observer(profile)
+
+    def one(y, u):
+        def step(seen, row):
+            return observer.update(seen, row[0], row[1], row[2], 0.0), None
+
+        return observer.result(lax.scan(step, observer.init(y[0], 0.0), (t, y, u))[0])
+
+    return jax.vmap(one)(ys, us)
 
 
 class _Seen(NamedTuple):

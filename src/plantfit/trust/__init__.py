@@ -11,6 +11,7 @@ from plantfit.trust.feasibility import LinkNames, link_constraints
 from plantfit.trust.flat_curves import FlatCurve, flat_curves
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.next_experiment import Experiment, Gain, d_optimal, gain
+from plantfit.trust.open_answers import open_answers
 from plantfit.trust.openings import Measurement, Openings, openings
 from plantfit.trust.possible import Possible, nearest_possible
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
@@ -51,6 +52,7 @@ __all__ = [
     "link_constraints",
     "morris",
     "nearest_possible",
+    "open_answers",
     "openings",
     "regression_covariance",
     "sobol_indices",

@@ -1,0 +1,26 @@
+"""Other answers that fit about as well: what the data leave open is drawn anew within its bounds."""
+
+import numpy as np
+
+from plantfit.errors import SearchError
+from plantfit.problem.problem import Problem
+from plantfit.trust.local import linearise
+
+
+def open_answers(problem: Problem, z: np.ndarray, count: int, *, known: float = 1e-3, seed: int = 1) -> np.ndarray:
+    """Cube points (count, d) like the answer z (d,), their open coordinates drawn evenly over the box.
+
+    Open is what the data fix by less than the share `known` (`Local.effective`) and do not press onto a bound: cells of a table that
+    were never or hardly visited. Everything else stays as it is, so that costs hardly differ; compare them. Raises SearchError
+    where nothing is open.
+    """
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise SearchError(f"count = {count!r}; give a whole number of at least 1.")
+    z = np.asarray(z, dtype=float)
+    local = linearise(problem, z)
+    free = np.array([bound is None for bound in local.at_bound]) & (local.effective < known)
+    if not np.any(free):
+        raise SearchError(f"The data fix every parameter by a share of {known:g} or more, so that nothing can be drawn anew; raise known.")
+    points = np.tile(z, (count, 1))
+    points[:, free] = np.random.default_rng(seed).uniform(size=(count, int(free.sum())))
+    return points
