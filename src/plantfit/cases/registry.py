@@ -14,7 +14,7 @@ _SENTENCES = {
     "double_pendulum": "A real double pendulum: torque of both joints, a friction law chosen by runs left out, angles simulated from it.",
     "motor": "A DC motor on a microcontroller's virtual bench: surrogate, two error signals, a genetic algorithm, and what they can know.",
     "steam": "A steam chamber on a virtual rig: dead time and 310 parameters, five methods, and what exact derivatives change.",
-    "exchanger": "A plate heat exchanger with a sticking valve: one table model for a staircase, and how far it holds half a year later.",
+    "exchanger": "A plate heat exchanger: one table model for a staircase, and how far it holds half a year later.",
     "heater": "A heater board: gain, lag and dead time of one heater with intervals, and energy balances of two.",
     "thermal": "A heated element whose surroundings drift: a dead time that cannot be told from zero.",
     "robot": "A robot's motor on a virtual bench: identified, then its PID tuned by 300 000 closed loops and by a hundredth of them.",

@@ -59,6 +59,12 @@ def _flats(name: str, rows: Sequence[Row]) -> Sentence:
 
 
 def _bound(p: Row) -> Sentence:
+    if p["at_bound"] == "lower" and p["lower_bound"] == 0.0:  # a dead time, a friction: usually nothing lies below
+        text = (
+            f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from zero: take it out of the model, "
+            "or widen the bound where it may be negative."
+        )
+        return say("warning", text, value=p["value"])
     text = (
         f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it further. "
         "Widen the bound if physics allows, else take it out of the model."

@@ -1,1 +1,1 @@
-"""A plate heat exchanger with a sticking valve: one table model over a staircase, and two recordings of another season."""
+"""A plate heat exchanger: one table model over a staircase, and two recordings of another season."""

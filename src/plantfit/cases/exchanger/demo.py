@@ -56,7 +56,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     ]
     sections = [unseen_section(table, linear, scores, steps, rms(unseen)), by_level, map_section(record_of, table)]
     sentences = [*sections[0]["sentences"], *by_level["sentences"]]
-    title = "Plate heat exchanger with a sticking valve"
+    title = "Plate heat exchanger"
     return record("exchanger", title, figures, sentences, answers, files, sections, "Three recordings of half a year, one table model")
 
 

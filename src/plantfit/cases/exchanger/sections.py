@@ -33,7 +33,7 @@ def unseen_section(
     better = [name for name, (a, b) in scores.items() if "fitted" not in name and rms(a) < rms(b)]
     sentences = [
         f"The table of January has {free} free numbers for {n} samples. With nodes at every second level only, the levels that the fit "
-        f"does not see are off by {left_out:.2g} degC: the valve sticks, and what settles between two levels is not on a line.",
+        f"does not see are off by {left_out:.2g} degC: what settles between two levels is not on a line, as if the valve stuck.",
         f"The table loses to the linear model on: {'; '.join(worse)}. At the same valve the plant of June settles many degC away from "
         "January's (last section), so that a finer map of January carries no further."
         if worse
@@ -104,13 +104,15 @@ def _said(found: LevelResponse, late: bool) -> str:
 def map_section(recordings: Mapping[str, Recording], table: Answer) -> dict[str, Any]:
     """Settled temperature against the valve, after steps up and down."""
     points = {n: settled(r) for n, r in recordings.items()}
-    spread = {u: [p[1] for n, v in points.items() if n.startswith("june") for p in v if abs(p[0] - u) < 0.03] for u in (1.05, 1.3)}
-    said = ", ".join(f"{min(v):.1f} to {max(v):.1f} degC at {u:g}" for u, v in spread.items() if v)
+    both = {u: hysteresis(points["june_stairs"], u) for u in (1.3, 1.55)}
+    said = "; ".join(
+        f"at {u:g} by {gap:z.1f} degC, while repeats from the same side spread over {spread:.1f} degC" for u, (gap, spread) in both.items()
+    )
     return {
         "title": "Settled temperature over the valve",
         "sentences": [
-            "Each point is the mean over the last half of a level. Steps up and steps down to the same valve end apart, and so do repeats.",
-            f"In June alone the same valve gave {said}.",
+            "Each point is the mean over the last half of a level.",
+            f"In the staircases of June, what settles after a step down differs from what settles after a step up {said}.",
         ],
         "figures": [
             {"figure": _map(points, table), "label": "Settled temperature; triangles point the way of the step, the line is the table."}
@@ -126,6 +128,12 @@ def settled(recording: Recording) -> list[tuple[float, float, int]]:
         u, y = float(new["u"][0]), new["y"]
         made.append((u, float(np.mean(y[len(y) // 2 :])), 1 if u > float(old["u"][0]) else -1))
     return made
+
+
+def hysteresis(found: list[tuple[float, float, int]], u: float) -> tuple[float, float]:
+    """Settled temperature at valve `u`: after steps down less after steps up, in the mean; and the larger range of repeats."""
+    up, down = ([y for at, y, way in found if way == w and abs(at - u) < 1e-6] for w in (1, -1))
+    return float(np.mean(down) - np.mean(up)), float(max(np.ptp(up), np.ptp(down)))
 
 
 def _map(points: Mapping[str, list[tuple[float, float, int]]], table: Answer) -> Figure:
