@@ -52,7 +52,8 @@ def closed_loop_section(
     plants = {n: np.concatenate([nominal[n], held[n]]) for n in held}
     seen = [_seen(benches[c.kind], c, plants, true) for c in chosen]
     judged = [s.scores for s in seen]
-    members = f"{len(good)} answers and {drawn} copies of the best with their open cells drawn anew"
+    found = f"{len(good)} answers and " if good else ""
+    members = f"{found}{drawn} copies of the best with their open cells drawn anew"
     sentences = [
         f"Family: {members}, cost C {significant(spread.min(), 3)} to {significant(spread.max(), 3)} bar² beside "
         f"{significant(costs[0], 3)} of the best; {len(kept)} members for the tuning, {len(out)} held out.",

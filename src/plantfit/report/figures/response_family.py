@@ -8,7 +8,7 @@ import numpy as np
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
-PANEL, GAP, TOP, BOTTOM = 170, 46, 48, 46  # pixels
+PANEL, GAP, TOP, BOTTOM = 170, 46, 60, 46  # pixels
 POINTS = 300
 
 
@@ -23,16 +23,16 @@ class Panel(NamedTuple):
 
 
 def response_figure(panels: Sequence[Panel], output: str, top: str = "true plant", family: str = "family of models") -> Figure:
-    """Panels two in a row on one axis of time; `output` names the vertical axes, `top` and `family` the lines."""
+    """Panels two in a row, their axes around the levels of the reference; `output` names these axes, `top` and `family` the lines."""
     rows = -(-len(panels) // 2)
     height = rows * PANEL + (rows - 1) * GAP
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM})
     data: list[dict[str, Any]] = []
     notes: list[dict[str, Any]] = []
-    shown = np.concatenate([np.r_[p.reference, p.on_top, p.family.ravel()] for p in panels])
-    shown = shown[np.isfinite(shown)]
-    low, high = np.percentile(shown, [0.0, 99.9])
-    span = [float(low - 0.02 * (high - low)), float(high + 0.05 * (high - low))]
+    levels = np.concatenate([p.reference for p in panels])
+    room = 0.5 * (float(np.ptp(levels)) or 1.0)  # around the levels; a start far off is cut
+    span = [float(levels.min() - room), float(levels.max() + room)]
+    layout["legend"] = {**layout["legend"], "y": 1.0 + 20.0 / height}
     for k, panel in enumerate(panels):
         row, column, number = k // 2, k % 2, "" if k == 0 else str(k + 1)
         upper = 1.0 - row * (PANEL + GAP) / height
@@ -41,7 +41,7 @@ def response_figure(panels: Sequence[Panel], output: str, top: str = "true plant
         base = {"type": "scatter", "mode": "lines", "xaxis": "x" + number, "yaxis": "y" + number, "hoverinfo": "skip"}
         faint = _joined(panel.t[keep], panel.family[:, keep])
         first = {"showlegend": k == 0}
-        data.append(base | faint | first | {"name": style.plain(family), "line": {"color": style.BANDS[0], "width": 1}})
+        data.append(base | faint | first | {"name": style.plain(family), "opacity": 0.45, "line": {"color": style.SERIES[0], "width": 1}})
         line = {"x": style.numbers(panel.t[keep]), "y": style.numbers(panel.on_top[keep]), "hoverinfo": "x+y"}
         data.append(base | line | first | {"name": style.plain(top), "line": {"color": style.SERIES[1], "width": 2}})
         steps = {"x": style.numbers(panel.t), "y": style.numbers(panel.reference)} if len(panel.t) <= POINTS else _corners(panel)
