@@ -6,7 +6,7 @@ from typing import Any
 from plantfit.errors import SpaceError
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
-from plantfit.trust.profile import Profile, profile
+from plantfit.trust.profile import CLOSE, Profile, profile
 from plantfit.trust.words import with_unit
 
 
@@ -37,15 +37,18 @@ def dead_time(problem: Problem, answer: Any, name: str | None = None, level: flo
         have = f"it has {free}; name one" if free else "it has none; use a model with dead time and give it bounds"
         raise SpaceError(f"{'No dead time is named' if name is None else f'{name!r} is no free dead time of this problem'}: {have}.")
     found = profile(problem, answer, name, level)
-    told = not (found.at_lower or found.at_upper) and found.low > 0.0
-    return DeadTime(name, found.value, (found.low, found.high), told, _sentence(found, level), found)
+    near = found.low <= CLOSE * (found.value - found.low)  # as near to zero as ends are found
+    told = not (found.at_lower or found.at_upper or near)
+    return DeadTime(name, found.value, (found.low, found.high), told, _sentence(found, level, near), found)
 
 
-def _sentence(p: Profile, level: float) -> str:
+def _sentence(p: Profile, level: float, near: bool) -> str:
     unit, share = p.unit or "s", f"{100 * level:g} % interval"
     if p.at_lower and p.at_upper:
         return f"The recording does not tell the dead time {p.name}: all of {p.low:g} to {with_unit(p.high, unit)} fits."
-    if p.at_lower and p.low <= 0.0:
+    if near and p.at_upper:
+        return f"The recording does not tell the dead time {p.name} from zero, nor from its upper bound, {with_unit(p.high, unit)}."
+    if near:
         return f"The dead time {p.name} cannot be told from zero: the {share} reaches from 0 to {with_unit(p.high, unit)}."
     if p.at_lower:
         return (

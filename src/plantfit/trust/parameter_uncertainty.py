@@ -76,7 +76,7 @@ class ParameterUncertainty:
 
 
 def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: float = 1.96) -> ParameterUncertainty:
-    """Standard uncertainties to first order, with intervals of `k` combined ones around the values.
+    """Standard uncertainties to first order, with intervals of `k` combined ones around the values, inside the bounds.
 
     `answer` is a cube point (d,) or what `fit` returns. An error e moves the least-squares answer by
 
@@ -101,7 +101,8 @@ def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: f
     random[at] = np.sqrt(np.maximum(np.diag(noise), 0.0)) * slope[at]
     combined = np.sqrt(random**2 + sum((s**2 for s in systematic.values()), np.zeros(len(z))))
     names, units, values = _named(problem, z)
-    return ParameterUncertainty(names, units, values, random, systematic, combined, values - k * combined, values + k * combined)
+    low, high = np.maximum(values - k * combined, problem.space.lower), np.minimum(values + k * combined, problem.space.upper)
+    return ParameterUncertainty(names, units, values, random, systematic, combined, low, high)
 
 
 def propagate_by_monte_carlo(
