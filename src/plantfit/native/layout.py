@@ -78,8 +78,8 @@ class Layout:
 def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:
     """The axes whose lanes cost least; the others become groups.
 
-    Step data that vary over some of the lanes' axes, or of the groups', are copied over the others, K numbers per lane; each such leaf counts as a tenth
-    of the work.
+    Step data that vary over some of the lanes' axes, or of the groups', are copied over the others, K numbers per lane; each such leaf
+    counts as a tenth of the work.
     """
     axes = tuple(range(len(batch)))
     data = [p for p, r in zip(present, rows, strict=True) if r]

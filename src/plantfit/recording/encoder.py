@@ -89,7 +89,8 @@ def period_to_speed(
         speed[np.diff(counted, prepend=counted[:1]) == 0] = np.nan
     if timeout is not None:
         speed[np.abs(period) >= require_positive(timeout, f"{step}: timeout")] = 0.0
-    said = f"{pulses:g} pulses, ratio {ratio:g}{f', slot error {slot_error:g}' if slot_error else ''}{f', timer of {tick:g} s' if tick else ''}"
+    errors = (f", slot error {slot_error:g}" if slot_error else "") + (f", timer of {tick:g} s" if tick else "")
+    said = f"{pulses:g} pulses, ratio {ratio:g}{errors}"
     sentence = f"{name!r} is the speed of the pulse period {signal!r} ({said}), {_known(speed)} samples."
     recording = with_new(recording, name, speed, "rad/s", sentence, step)
     if lag is not None:
