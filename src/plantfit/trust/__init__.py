@@ -6,6 +6,7 @@ from plantfit.trust.certified_floor import Floor, certified_floor
 from plantfit.trust.combinations import Combinations, combinations
 from plantfit.trust.constrained_optimum import Optimum, constrained_optimum
 from plantfit.trust.covariance import covariance
+from plantfit.trust.dead_time import DeadTime, dead_time
 from plantfit.trust.directions import Direction, flat_directions
 from plantfit.trust.feasibility import LinkNames, link_constraints
 from plantfit.trust.flat_curves import FlatCurve, flat_curves
@@ -13,15 +14,20 @@ from plantfit.trust.local import Local, linearise
 from plantfit.trust.next_experiment import Experiment, Gain, d_optimal, gain
 from plantfit.trust.open_answers import open_answers
 from plantfit.trust.openings import Measurement, Openings, openings
+from plantfit.trust.parameter_uncertainty import ParameterUncertainty, SharedError, propagate, propagate_by_monte_carlo
 from plantfit.trust.possible import Possible, nearest_possible
+from plantfit.trust.profile import Profile, profile
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
 from plantfit.trust.screening import Screening, morris
 from plantfit.trust.sobol_indices import SobolIndices, sobol_indices
+from plantfit.trust.uncertainty_budget import Budget, Source, type_a, type_b, uncertainty_budget
 
 __all__ = [
     "BaseParameters",
+    "Budget",
     "Combinations",
+    "DeadTime",
     "Direction",
     "Experiment",
     "FlatCurve",
@@ -32,10 +38,14 @@ __all__ = [
     "Measurement",
     "Openings",
     "Optimum",
+    "ParameterUncertainty",
     "Possible",
+    "Profile",
     "RegressionPart",
     "Screening",
+    "SharedError",
     "SobolIndices",
+    "Source",
     "assess",
     "autocorrelation",
     "base_parameters",
@@ -45,6 +55,7 @@ __all__ = [
     "covariance",
     "cross_correlation",
     "d_optimal",
+    "dead_time",
     "flat_curves",
     "flat_directions",
     "gain",
@@ -54,7 +65,13 @@ __all__ = [
     "nearest_possible",
     "open_answers",
     "openings",
+    "profile",
+    "propagate",
+    "propagate_by_monte_carlo",
     "regression_covariance",
     "sobol_indices",
+    "type_a",
+    "type_b",
+    "uncertainty_budget",
     "whiteness",
 ]
