@@ -47,7 +47,7 @@ def problem():
 def truth() -> np.ndarray:
     """The cube point of the rig's tables."""
     p = problem()
-    found = [rig_runs()[c.recording].truth["parameters"][c.parameter] for c in p.space.coordinates]
+    found = [rig_runs()[c.recording or ""].truth["parameters"][c.parameter] for c in p.space.coordinates]
     return p.space.cube([v if np.ndim(v) == 0 else v[c.index[0]] for v, c in zip(found, p.space.coordinates, strict=True)])
 
 

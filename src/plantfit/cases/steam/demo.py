@@ -11,6 +11,7 @@ from plantfit.cases.fitting import fit_file
 from plantfit.cases.record import figure, record
 from plantfit.cases.stages import stages
 from plantfit.cases.steam.adaptive_bdf import Background
+from plantfit.cases.steam.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
     FINITE,
@@ -38,18 +39,25 @@ from plantfit.cases.steam.dynamic_section import (
 )
 from plantfit.cases.steam.problems import dynamic_problem, static_problem, tables_from_static, total_cost
 from plantfit.cases.steam.screening_section import screening_section
+from plantfit.cases.steam.static_section import static_section
+from plantfit.cases.steam.static_task import delay_study, early_dead_times, joint, two_step, two_step_by
+from plantfit.cases.steam.tables_section import tables_section
+from plantfit.cases.steam.uncertainty_section import table_uncertainty, uncertainty_section, zero_left_in
 from plantfit.fitting import Answer
 from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.rig.run import RigRun
-from plantfit.rig.steam_chamber import SteamChamberRig
+from plantfit.rig.steam_chamber import SteamChamberRig, smooth_truth
 from plantfit.study.objective import objective_of
 
 SEED = 1
 RUNS, BUDGET = (2, 10), (2000, 10_000)  # small, full
 FINITE_BUDGET = (1600, 10_000)  # evaluations of L-BFGS-B through BDF
 ALONE = (1000, 10_000)  # evaluations of a search of one opening, in the full demo
+DRAWS = (0, 200)  # refits of the parameters' uncertainty; 0: linear
+VISITED = ("k[2]", "k[5]", "k[7]", "A1[2]", "A1[5]", "A2[2]", "A2[5]", "Td")  # entries whose uncertainty is shown
+PARTS = ("dead times and uncertainty", "screening", "tables", "closed loop")
 SMALL = ("CMA-ES", "DISH", "HMS", "SHADE", "L-BFGS-B, exact")  # methods of the small demo
 RESTARTED = "least squares, exact, random starts"
 EXACT = "exact derivatives"
@@ -64,7 +72,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     recordings = {n: r.recording for n, r in runs.items()}
     problem = dynamic_problem(recordings, weighted=True)
     chosen = [m for m in METHODS if full or m.label in SMALL]
-    begins = stages(("static task", *(m.label for m in chosen), "screening"), progress)
+    begins = stages(("static task", *(m.label for m in chosen), *PARTS[: None if full else 2]), progress)
     begins("static task")
     static, static_cost = static_point(problem, recordings)
     own = order_of(problem)
@@ -84,15 +92,15 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         each = tuple(as_run(problem, d, 0.0, SEED) for d in finite.alone)
         alone[ALONE[0]].append(MethodRuns(FINITE, STATIC, (summed(each),)))
     slopes = Slopes(tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes)
-    begins("screening")
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
     shown = {"static solution": static, **{n: best[n] for n in ("CMA-ES", "DISH", "HMS")}, EXACT: answer.best.x}
     floor = noise_floor(rig, len(runs))
     sections = [
+        *_constants_sections(runs, full, begins),
         dynamic_section(found, problem, static, floor, slopes, BUDGET[full], not full),
         answers_section(problem, shown, truth_of(runs), _intervals(answer)),
         *([readings_section(found, alone, floor)] if full else []),
-        screening_section(problem, best, SEED),
+        *_meaning_sections(problem, best, answer, runs, full, begins),
     ]
     return record(
         "steam",
@@ -107,6 +115,35 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         sections,
         "310 parameters from ten steps of a valve: metaheuristics, finite differences and exact derivatives",
     )
+
+
+def _constants_sections(runs: Mapping[str, RigRun], full: bool, begins: Callable[[str], None]) -> list[dict[str, Any]]:
+    """The static task, and the uncertainty of what is measured and found."""
+    recordings = {n: r.recording for n, r in runs.items()}
+    begins("dead times and uncertainty")
+    tasks = [joint(recordings), two_step(recordings)]
+    tasks += [two_step_by(recordings, m) for m in ("cmaes", "lbfgsb") if full]
+    study = [delay_study(noise, bits, u, range(1, 21)) for noise, bits in ((0.05, 12), (0.005, 16)) for u in (10.0, 40.0, 100.0) if full]
+    truth = {n: r.truth["parameters"] for n, r in runs.items()}
+    found = table_uncertainty(recordings["opening40"], tasks[1].constants["opening40"], DRAWS[full], SEED)
+    return [
+        static_section(tasks, early_dead_times(recordings), truth, study),
+        uncertainty_section("40", found, VISITED, zero_left_in(recordings["opening40"])),
+    ]
+
+
+def _meaning_sections(
+    problem: Problem, best: Mapping[str, np.ndarray], answer: Answer, runs: Mapping[str, RigRun], full: bool, begins: Callable[[str], None]
+) -> list[dict[str, Any]]:
+    """What the answers are worth: sensitivity around them; in the full demo tables against models with fewer numbers, and closed loops."""
+    begins("screening")
+    sections = [screening_section(problem, best, SEED)]
+    if full:
+        begins("tables")
+        sections.append(tables_section({n: r.recording for n, r in runs.items()}, truth_of(runs)))
+        begins("closed loop")
+        sections.append(closed_loop_section(problem, best, answer.best.x, smooth_truth, seed=SEED))
+    return sections
 
 
 def noise_floor(rig: SteamChamberRig, openings: int) -> float:
@@ -131,8 +168,9 @@ def _opening_by_opening(problem: Problem, recordings: Mapping[str, Recording], s
 
 
 def _intervals(answer: Answer) -> dict[str, tuple[float, float]]:
-    """95 % intervals of the dead times by recording."""
-    return {p["recording"]: (p["low"], p["high"]) for p in answer.findings["parameters"] if p["parameter"] == "Td"}
+    """95 % intervals of the dead times by recording; NaN where one was held at a bound."""
+    rows = [p for p in answer.findings["parameters"] if p["parameter"] == "Td"]
+    return {p["recording"]: (np.nan, np.nan) if p["low"] is None else (p["low"], p["high"]) for p in rows}
 
 
 def _figures(found: list[MethodRuns], floor: float, static_cost: float, runs: Mapping[str, RigRun], answer: Answer) -> list[dict[str, Any]]:
