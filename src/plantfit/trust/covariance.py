@@ -65,9 +65,10 @@ def covariance(
 
     The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
     Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
-    too short. The uniform prior keeps flat directions finite (see `box_prior`): a standard error is at
-    most that of the box, 0.29. `smoothing` (d, d) is what it adds to J'J; it is a prior as well, so that intervals allow for the
-    bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133, section 2).
+    too short; no variance is less than residuals of one size and without memory in each block would give. The uniform prior
+    keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
+    adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
+    section 2).
     Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
     """
@@ -86,13 +87,19 @@ def covariance(
         prior = smooth + box_prior(hessian + smooth)
     bread = np.linalg.inv(hessian + prior)
     spread = bread @ prior @ bread
+    alike = spread.copy()
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
         # Jacobian have cancelled already, so that each may be filtered by its own memory
         rows, columns = _nonzero(j[block.rows])
         touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
-        influence = (rows * residuals[block.rows, None]) @ bread[np.ix_(columns, touched)] / variance
-        spread[np.ix_(touched, touched)] += prewhitened_long_run(influence, block.index) * len(residuals) / degrees
+        by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
+        spread[np.ix_(touched, touched)] += prewhitened_long_run(by_residual * own[:, None], block.index) * len(residuals) / degrees
+        alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
+    # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
+    # J. Econometrics 29 (1985) 305)
+    wider = np.sqrt(np.maximum(1.0, np.diag(alike) / np.maximum(np.diag(spread), 1e-300)))
+    spread = spread * np.outer(wider, wider)
     inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
     result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
     return 0.5 * (result + result.T)

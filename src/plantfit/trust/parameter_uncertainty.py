@@ -170,10 +170,7 @@ def _solver(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, at: n
     if problem.smoothing is not None:
         hessian = hessian + problem.smoothing.matrix[np.ix_(at, at)] / variance
     plain = np.linalg.inv(hessian + box_prior(hessian))
-    robust = covariance(j, residuals, blocks, np.ones(len(at), bool))
-    # few samples that fix a parameter make the sandwich too small (MacKinnon and White, J. Econometrics 29 (1985) 305)
-    wider = np.sqrt(np.maximum(1.0, np.diag(plain) / np.maximum(np.diag(robust), np.finfo(float).tiny)))
-    return plain @ j.T / variance, robust * np.outer(wider, wider)
+    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool))
 
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:
