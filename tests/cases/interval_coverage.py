@@ -1,0 +1,49 @@
+"""How often 95 % intervals hold the truth, over records of a virtual rig: side by side, each record with values of its own."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from plantfit.fitting import fit
+from plantfit.models.model import Model
+from plantfit.models.regression import LinearModel
+from plantfit.optimize import minimise
+from plantfit.problem import Experiment, Problem
+from plantfit.space import Parameter
+from plantfit.study.objective import objective_of
+from plantfit.trust.local import linearise
+
+TOGETHER = 25  # records of one problem: all are simulated at once, and no dense matrix grows large
+
+
+def scores(
+    model: Model | LinearModel,
+    experiment: Callable[[int], Experiment],
+    truth: Mapping[str, float],
+    seeds: Sequence[int],
+    parameters: Mapping[str, Parameter] | None = None,
+) -> dict[str, np.ndarray]:
+    """(value - truth) / standard error of every parameter in `truth`, (seeds,) each.
+
+    The first record is fitted by a whole search over the box, the others from where that one ended, with the weights that it found.
+    """
+    first = fit(Problem(model, experiment(seeds[0]), parameters))
+    own = {n: replace((parameters or {}).get(n, Parameter()), per_recording=True, start=v) for n, v in first.values.items()}
+    found: dict[str, list[float]] = {n: [] for n in truth}
+    for part in np.array_split(np.array(seeds), max(1, round(len(seeds) / TOGETHER))):
+        records = {f"seed {s}": experiment(int(s)) for s in part}
+        problem = Problem(model, records, own, scales=first.problem.scales).with_simulator(first.problem.predictor.stepping())
+        start = problem.space.start
+        assert start is not None
+        objective, budget = objective_of(problem, start[None, :]), int(200 * problem.jacobian_charge)
+        local = linearise(problem, minimise(objective, "least_squares", budget=budget, settings={"agree": 1})[0].x)
+        for at, c in enumerate(problem.space.coordinates):
+            if c.parameter in found:
+                found[c.parameter].append((local.values[at] - truth[c.parameter]) / local.standard_error[at])
+    return {n: np.array(z) for n, z in found.items()}
+
+
+def held(z: np.ndarray) -> float:
+    """Share of the 95 % intervals that hold the truth."""
+    return float(np.mean(np.abs(z) <= 1.96))
