@@ -186,7 +186,7 @@ class Background:
 
     def __init__(self, *arguments: Any):
         # a plain command, because multiprocessing would run the user's script again
-        command = [sys.executable, "-m", "plantfit.cases.steam.adaptive_bdf"]
+        command = [sys.executable, "-c", f"from {__name__} import answer_pipe; answer_pipe()"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self._reader = ThreadPoolExecutor(1)
         self._answer = self._reader.submit(self._process.communicate, pickle.dumps(arguments))
@@ -208,7 +208,6 @@ class Background:
         self._reader.shutdown()
 
 
-if __name__ == "__main__":
-    from plantfit.cases.steam.adaptive_bdf import descents as whole  # so that what is pickled has the module's name
-
-    sys.stdout.buffer.write(pickle.dumps(whole(*pickle.loads(sys.stdin.buffer.read()))))
+def answer_pipe() -> None:
+    """`descents` of the pickled arguments at standard input, pickled to standard output."""
+    sys.stdout.buffer.write(pickle.dumps(descents(*pickle.loads(sys.stdin.buffer.read()))))
