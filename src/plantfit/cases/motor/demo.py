@@ -15,6 +15,7 @@ from plantfit.cases.motor.methods import FULL, GA, SMALL, Methods, guarded, sear
 from plantfit.cases.motor.methods_section import methods_section, spread
 from plantfit.cases.motor.record_sections import bench_section, surrogate_section
 from plantfit.cases.motor.surrogate import Surrogate, surrogate, two_errors_record
+from plantfit.cases.motor.tracking_section import tracking_section
 from plantfit.cases.record import figure, record
 from plantfit.cases.stages import stages
 from plantfit.fitting import Answer
@@ -47,6 +48,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         methods_section(methods, guard),
         identifiability_section(speed.problem, methods.problem, current.values, both.raw),
         constants_section(both, current, methods),
+        tracking_section(current.values, TRUTH),
     ]
     figures = _figures(denoised, methods, both, current)
     return record("motor", TITLE, figures, _sentences(methods), [speed, current], files, sections, SUBTITLE)
