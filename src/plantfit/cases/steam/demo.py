@@ -89,7 +89,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         found.append(MethodRuns(RESTARTED, RANDOM, tuple(answer.runs)))
     found.insert(1, MethodRuns(FINITE, STATIC, (as_run(problem, finite.together, finite.seconds, SEED),)))
     if full:
-        each = tuple(as_run(problem, d, 0.0, SEED) for d in finite.alone)
+        each = tuple(as_run(p, d, 0.0, SEED) for p, d in zip(opening_problems(recordings).values(), finite.alone, strict=True))
         alone[ALONE[0]].append(MethodRuns(FINITE, STATIC, (summed(each),)))
     slopes = Slopes(tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes)
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
