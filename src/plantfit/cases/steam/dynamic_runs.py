@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.steam.adaptive_bdf import Descent, Step
+from plantfit.cases.steam.adaptive_bdf import Descent, Descents, Step
 from plantfit.cases.steam.problems import dynamic_problem
 from plantfit.errors import Status
 from plantfit.optimize import minimise
@@ -140,12 +140,21 @@ def order_of(problem: Problem) -> np.ndarray:
     return np.concatenate([problem.space.local(name) for name in problem.experiments])
 
 
-def as_run(problem: Problem, found: Descent, seconds: float, seed: int) -> RunResult:
-    """A descent on all openings as a run of the study, in the coordinates of `problem`."""
-    x = np.zeros(problem.space.dimension)
-    x[order_of(problem)] = found.x
+def as_run(found: Descent, seed: int, seconds: float = 0.0) -> RunResult:
+    """A descent as a run of the study; its coordinates stay in the descent's order."""
     status = Status.budget if found.why == "budget spent" else Status.converged
     return RunResult(
-        "lbfgsb", 0, seed, x, found.cost, float(found.evaluations), seconds, status, found.history_evaluations, found.history_cost,
+        "lbfgsb", 0, seed, found.x, found.cost, float(found.evaluations), seconds, status, found.history_evaluations, found.history_cost,
         extra={"why": found.why},
     )  # fmt: skip
+
+
+def finite_runs(problem: Problem, found: Descents, seed: int) -> tuple[MethodRuns, MethodRuns | None]:
+    """L-BFGS-B with finite differences on all openings at once, in the coordinates of `problem`, and on each alone, summed."""
+    whole = as_run(found.together, seed, found.seconds)
+    x = np.zeros(problem.space.dimension)
+    x[order_of(problem)] = found.together.x
+    together = MethodRuns(FINITE, STATIC, (dataclasses.replace(whole, x=x),))
+    if not found.alone:
+        return together, None
+    return together, MethodRuns(FINITE, STATIC, (summed([as_run(d, seed) for d in found.alone]),))
