@@ -4,7 +4,7 @@ An interval with edges of delayed inputs is cut at them, in straight code withou
 """
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial, wraps
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -30,6 +30,19 @@ class Row(NamedTuple):
     at: tuple[Any, ...]
     measured: tuple[Any, ...]
     scored: tuple[Any, ...]
+
+
+def _kept(make: Callable) -> Callable:
+    """Functions made for a simulator once, so that each is traced once wherever it is called; they live as long as the simulator."""
+
+    @wraps(make)
+    def kept(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
+        made, key = simulator.__dict__.setdefault("_made", {}), (make, edges, reverse)
+        if key not in made:
+            made[key] = make(simulator, edges, reverse=reverse) if reverse else make(simulator, edges)
+        return made[key]
+
+    return kept
 
 
 def substeps(simulator: Simulator) -> Callable:
@@ -110,7 +123,7 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
     return advance
 
 
-@lru_cache(maxsize=64)  # so that a problem's functions are traced once, wherever they are called
+@_kept
 def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
     """`run(p, x, rows, around) -> (x, totals)`: the states after all intervals of one row, and the sums of squares by output.
 
@@ -160,7 +173,7 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
     return run
 
 
-@lru_cache(maxsize=64)
+@_kept
 def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     """`run(p, x, s, rows, around) -> ((x, s), (residuals, slopes))` over all intervals of one row, forwards.
 
