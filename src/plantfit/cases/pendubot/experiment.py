@@ -16,7 +16,6 @@ from plantfit.rig.pendubot_reference import UPRIGHT, FlatOutput
 from plantfit.rig.trajectories import Move
 from plantfit.simulate.vector import VectorModel
 
-import jax
 import jax.numpy as jnp
 
 NAMES = ("b1", "b2", "b4", "b5")
