@@ -19,6 +19,11 @@ import jax
 NODES = (0.0, 1.0, 3.0, 4.0, 6.0, 7.0, 10.0)
 
 
+def smoothing_of(problem):
+    assert problem.smoothing is not None
+    return problem.smoothing
+
+
 def curve(nodes=NODES, second=None):
     """y = f(u) or f(u, v): a static table."""
     axes = (nodes,) if second is None else (nodes, second)
@@ -122,8 +127,9 @@ def test_every_form_of_the_cost_is_the_same(kind):
 
 
 def test_tables_of_separate_recordings_stay_separate_problems():
-    assert steam(30.0).separable is not None
-    assert len(steam(30.0).separable) == 2
+    parts = steam(30.0).separable
+    assert parts is not None
+    assert len(parts) == 2
 
 
 def test_bends_of_a_logarithmic_box_are_those_of_logarithms():
@@ -132,8 +138,8 @@ def test_bends_of_a_logarithmic_box_are_those_of_logarithms():
     values |= {f"A1[{i}][{r}]": 2.0 * 3.0**i for i in range(4) for r in ("r0", "r1")}
     values |= {f"A1[4][{r}]": 50.0 for r in ("r0", "r1")}
     z = problem.space.cube(problem.space.vector(values))
-    _, _, key = problem.smoothing.rows
-    bends, _ = problem.smoothing.weighted(z)
+    _, _, key = smoothing_of(problem).rows
+    bends, _ = smoothing_of(problem).weighted(z)
     assert set(key) == {0}
     np.testing.assert_allclose(bends[[0, 1, 3, 4]], 0.0, atol=1e-9)
     wanted = np.sqrt(30.0) * (np.log(50.0) - 2 * np.log(54.0) + np.log(18.0)) / np.log(100.0)
@@ -151,10 +157,10 @@ def test_two_axes_have_a_strength_each():
     z = problem.space.cube(values.ravel())
     first, other = (second_differences(np.array(n)) for n in (NODES, second))
     wanted = 2.0 * np.sum((first @ values) ** 2) + 5.0 * np.sum((values @ other.T) ** 2)
-    bends, _ = problem.smoothing.weighted(z)
+    bends, _ = smoothing_of(problem).weighted(z)
     assert float(bends @ bends) == pytest.approx(wanted / 100.0, rel=1e-12)
     both = make(2.0)
-    assert dict(both.smoothing.strengths) == {("f", "u"): 2.0, ("f", "v"): 2.0}
+    assert dict(smoothing_of(both).strengths) == {("f", "u"): 2.0, ("f", "v"): 2.0}
     assert both.with_smoothing({("f", "v"): 5.0}).cost(z) == pytest.approx(float(problem.cost(z)), rel=1e-12)
 
 

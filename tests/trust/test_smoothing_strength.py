@@ -22,6 +22,11 @@ NODES = tuple(np.linspace(0.0, 10.0, 21).tolist())
 BOX = 4.0
 
 
+def smoothing_of(problem):
+    assert problem.smoothing is not None
+    return problem.smoothing
+
+
 def truth(u):
     return np.sin(0.6 * u)
 
@@ -71,7 +76,7 @@ def test_reml_is_where_the_restricted_likelihood_is_largest():
     best = np.exp(
         min((minimize(lambda a: minus_twice(a[0]), [start], method="Nelder-Mead") for start in (0.0, 5.0)), key=lambda r: r.fun).x[0]
     )
-    (strength,) = found.problem.smoothing.strengths.values()
+    (strength,) = smoothing_of(found.problem).strengths.values()
     assert strength == pytest.approx(best, rel=0.02)
     z = np.linalg.solve(x.T @ x + strength * b.T @ b, x.T @ target)
     np.testing.assert_allclose(found.z, z, atol=1e-6)
@@ -94,7 +99,7 @@ def test_cross_validation_is_that_by_hand():
         assert score.score == pytest.approx(np.mean(np.concatenate(squares)), rel=1e-5)
         assert score.standard_error == pytest.approx(np.std([s.mean() for s in squares], ddof=1) / np.sqrt(FOLDS), rel=1e-4)
     best = min(found.scores, key=lambda s: s.score)
-    assert found.problem.smoothing.strengths["f", "u"] == pytest.approx(variance / best.bend**2)
+    assert smoothing_of(found.problem).strengths["f", "u"] == pytest.approx(variance / best.bend**2)
 
 
 @pytest.mark.parametrize("way", ["reml", "cross-validated"])
@@ -136,7 +141,7 @@ def test_reml_gives_each_axis_its_own_strength():
     u, v = rng.uniform(0.0, 10.0, 400), rng.uniform(0.0, 1.0, 400)
     problem = static("reml", u, truth(u) * (0.5 + v) + 0.2 * rng.normal(size=400), second=second, v=v)
     found = by_reml(problem, np.full(126, 0.5))
-    strengths = found.problem.smoothing.strengths
+    strengths = smoothing_of(found.problem).strengths
     assert strengths["f", "v"] > 30.0 * strengths["f", "u"]  # straight along v, a sine along u
     error = np.asarray(found.problem.space.physical(found.z)).reshape(21, 6) - truth(np.array(NODES))[:, None] * (0.5 + np.array(second))
     assert np.sqrt(np.mean(error**2)) < 0.1
@@ -176,8 +181,8 @@ def test_intervals_beside_smoothing_cover_the_truth_across_the_table():
 def test_fit_chooses_and_says_so():
     u, y = noisy(3)
     answer = fit(static("reml", u, y), seed=2)
-    strengths = answer.problem.smoothing.strengths
-    direct = by_reml(static("reml", u, y), np.full(21, 0.5)).problem.smoothing.strengths
+    strengths = smoothing_of(answer.problem).strengths
+    direct = smoothing_of(by_reml(static("reml", u, y), np.full(21, 0.5)).problem).strengths
     assert strengths["f", "u"] == pytest.approx(direct["f", "u"], rel=0.05)
     (row,) = answer.findings["smoothing"]
     assert (row["chosen"], row["entries"], row["over"]) == ("reml", 21, ["u"])
