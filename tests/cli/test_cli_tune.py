@@ -1,6 +1,7 @@
 """`plantfit methods` and `plantfit tune-search`."""
 
 import json
+import re
 import tomllib
 
 import pytest
@@ -94,3 +95,12 @@ def test_ctrl_c_keeps_the_best_so_far(folder, capsys, monkeypatch):
     assert said.code == 130
     assert "not yet compared on fresh seeds" in said.err
     assert "# Stopped after 1 setting" in (folder / "settings.toml").read_text()
+
+
+def test_progress_without_a_terminal_is_plain_lines(folder, capsys, monkeypatch):
+    monkeypatch.setattr("plantfit.cli.out.LOG_EVERY", 0.0)
+    said = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia")
+    assert said.code == 0, said.err
+    assert re.search(r"^\d+ s: .*evaluations, .*left at most$", said.err, re.MULTILINE), said.err
+    quiet = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia", "--json")
+    assert "evaluations" not in quiet.err

@@ -3,7 +3,8 @@
 import json
 import signal
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +13,8 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+LOG_EVERY = 30.0  # seconds between lines of progress where standard error is no terminal
 
 MARKS = {"good": ("green", "+"), "info": ("cyan", "i"), "warning": ("yellow", "!"), "bad": ("red", "x")}
 
@@ -65,26 +68,44 @@ def stoppable(sentence: str = "Stopping: saving what is done. Ctrl-C again stops
             signal.signal(s, handler)
 
 
+def _describe(p: Any) -> tuple[str, str]:
+    """What is worked on, and how far it is."""
+    left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
+    best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
+    unit = getattr(p, "unit", "run")
+    method = getattr(p, "method", "searching")
+    return method, f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}"
+
+
+def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], None]:
+    """A callback that writes a plain line every 30 s: a log file tells as much as a screen."""
+    began = last = time.monotonic()
+
+    def tell(p):
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= LOG_EVERY:
+            last = now
+            print(f"{now - began:.0f} s: {': '.join(filter(None, describe(p)))}", file=sys.stderr, flush=True)
+
+    return tell
+
+
 @contextmanager
 def progress_line(quiet: bool = False) -> Iterator[Any]:
-    """A live line on standard error; yields a callback for the progress of a study or a search."""
-    if quiet or not sys.stderr.isatty():
+    """Progress on standard error: a live line on a terminal, else a plain line every 30 s; yields the callback of a study or a search."""
+    if quiet:
         yield None
+        return
+    if not sys.stderr.isatty():
+        yield log_lines(_describe)
         return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(30), TextColumn("{task.fields[figures]}"), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task("compiling", total=1.0, figures="")
 
         def tell(p):
-            left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
-            best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
-            unit = getattr(p, "unit", "run")
-            bar.update(
-                task,
-                description=getattr(p, "method", "searching"),
-                total=p.budget_total,
-                completed=min(p.evaluations, p.budget_total),
-                figures=f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}",
-            )
+            method, figures = _describe(p)
+            bar.update(task, description=method, total=p.budget_total, completed=min(p.evaluations, p.budget_total), figures=figures)
 
         yield tell

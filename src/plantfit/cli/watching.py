@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from plantfit.cli.out import err, out, print_json
+from plantfit.cli.out import err, log_lines, out, print_json
 
 MOST_LINES = 16
 REFRESH_SECONDS = 1.0
@@ -19,9 +19,17 @@ REFRESH_SECONDS = 1.0
 
 @contextmanager
 def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
-    """A live line for a study and one for each worker, on standard error; yields a callback for `StudyProgress`, None if not shown."""
-    if quiet or not sys.stderr.isatty():
+    """A live line for a study and one for each worker, on standard error (plain lines where that is no terminal); yields a callback
+    for `StudyProgress`, None if not shown."""
+
+    def name(p: Any) -> str:
+        return f"{names(p.study_id)} {p.method}".strip()
+
+    if quiet:
         yield None
+        return
+    if not sys.stderr.isatty():
+        yield log_lines(lambda p: (name(p), figures(p)))
         return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(30), TextColumn("{task.fields[figures]}"), TimeElapsedColumn())
     bar = Progress(*columns, console=err)
@@ -31,7 +39,7 @@ def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
         def tell(p: Any) -> None:
             bar.update(
                 task,
-                description=f"{names(p.study_id)} {p.method}".strip(),
+                description=name(p),
                 total=p.budget_total,
                 completed=min(p.evaluations, p.budget_total),
                 figures=figures(p),
