@@ -23,6 +23,7 @@ from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 from plantfit.trust.assess import EDGE, assess
 from plantfit.trust.local import linearise
+from plantfit.trust.shared_error import SharedError
 from plantfit.trust.smoothing_strength import choose_strengths
 
 REWEIGHTED = 3  # rounds of re-estimating the scale of every output
@@ -33,7 +34,8 @@ class Answer:
     """The best parameters, every run, and what they are worth.
 
     `values` maps coordinate names to numbers in their units; `findings` is the plain record of
-    docs/architecture.md, made when first asked for.
+    docs/architecture.md, made when first asked for. Shared `errors` widen the intervals there: to first order, or by
+    so many `draws` (docs/uncertainty.md).
     """
 
     problem: Problem
@@ -42,6 +44,8 @@ class Answer:
     spec: str | None = None
     command: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)
+    errors: Sequence[SharedError] = ()
+    draws: int | None = None
 
     @property
     def best(self) -> RunResult:
@@ -55,7 +59,10 @@ class Answer:
     @cached_property
     def findings(self) -> dict[str, Any]:
         started = time.perf_counter()
-        record = assess(self.problem, self.runs, seed=self.seed, spec=self.spec, command=self.command, seconds=self.seconds)
+        record = assess(
+            self.problem, self.runs, seed=self.seed, spec=self.spec, command=self.command, seconds=self.seconds,
+            errors=self.errors, draws=self.draws,
+        )  # fmt: skip
         record["reproduction"]["seconds"]["trust"] = time.perf_counter() - started
         return record
 
@@ -101,14 +108,16 @@ def fit(
     stop: Callable[[], bool] | None = None,
     spec: str | None = None,
     command: str = "",
+    errors: Sequence[SharedError] = (),
+    draws: int | None = None,
 ) -> Answer:
     """Find the parameters and what they are worth.
 
     Chooses the step of the simulation, searches, estimates the weight of every output from its
     residuals when there are several, checks the step at the answer. With `shooting` every record is
     first cut into so many segments whose ends need not meet, which finds answers in long, oscillating
-    and unstable records (docs/long-records.md); the search then begins at what it found. Raises
-    SearchError when no candidate could be simulated.
+    and unstable records (docs/long-records.md); the search then begins at what it found. `errors` of
+    instruments and `draws` are for the intervals (docs/uncertainty.md). Raises SearchError when no candidate could be simulated.
     """
     started = time.perf_counter()
     problem = prepare(problem)
@@ -129,7 +138,7 @@ def fit(
     searched = time.perf_counter()
     problem, results = finish(problem, results, seed)
     seconds = {"prepare": prepared - started, "search": searched - prepared, "finish": time.perf_counter() - searched}
-    return Answer(problem, results, seed, spec, command, seconds)
+    return Answer(problem, results, seed, spec, command, seconds, tuple(errors), draws)
 
 
 def shooting_starts(problem: Problem, segments: int | None, seed: int) -> np.ndarray | None:

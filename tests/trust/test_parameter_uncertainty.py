@@ -120,7 +120,7 @@ def test_other_recordings_are_fitted_without_compiling_anew(step):
 
 
 def test_a_constant_must_be_a_parameter(step):
-    with pytest.raises(SpaceError, match="The constant 'g' is no free parameter"):
+    with pytest.raises(SpaceError, match="The constant 'g' is no single number of the problem"):
         propagate(step[0], step[1], [SharedError(type_b("g", 0.01), "constant", "g")])
 
 

@@ -46,6 +46,10 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         "seconds_per_evaluation": seconds,
         "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
     }
+    if study.errors:
+        from plantfit.trust.reading_budgets import reading_budgets
+
+        record["uncertainty"] = reading_budgets(problem, study.errors)
     if verify:
         record["verify"] = _verify(problem, z, tolerance)
     if json:
@@ -70,6 +74,10 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         )
         if tolerance is not None and e["max_error"] >= tolerance:
             out.print(f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help", style="yellow")
+    if study.errors:
+        from plantfit.report import budgets_text
+
+        out.print(f"\nstated errors:\n\n{budgets_text(record['uncertainty'])}\n", markup=False)
     out.print(f"ready: plantfit run {spec}", markup=False)
 
 

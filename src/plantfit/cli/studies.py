@@ -136,16 +136,21 @@ def _answer(study, opened, number: int, store: str, seconds):
     if not results:
         raise StoreError(f"Study {number} in {store} has no finished run yet; go on with `plantfit resume {number}`.")
     problem, results = finish(problem, results, study.plan.seed)
-    return Answer(problem, results, study.plan.seed, study.text, f"plantfit run {study.path.name}", seconds)
+    command = f"plantfit run {study.path.name}"
+    return Answer(problem, results, study.plan.seed, study.text, command, seconds, study.errors, study.draws)
 
 
 def _deliver(answer, place: str | None, name: str, json: bool, several: bool = False) -> dict[str, Any]:
     """Write the report and say the verdict; gives back what `--json` prints."""
+    from plantfit.report import uncertainty_text
+
     path = answer.report(place or f"{name}.html")
     if not json:
         if several:
             out.print(f"\n{name}", markup=False, style="bold")
         verdict(answer.findings)
+        if answer.errors:
+            out.print(f"\n{uncertainty_text(answer.findings)}", markup=False)
         out.print(f"\nReport: {path}", markup=False)
     return {**_short(answer.findings), "report": str(path)}
 

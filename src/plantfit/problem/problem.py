@@ -24,6 +24,7 @@ from plantfit.problem.smoothing import Smoothed, Smoothing
 from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
 from plantfit.simulate.simulator import Drive, Simulator
+from plantfit.space import Space
 
 import jax
 import jax.numpy as jnp
@@ -157,6 +158,18 @@ class Problem:
             known = [] if self.smoothing is None else list(self.smoothing.keys)
             raise SpaceError(f"with_smoothing names {list(strengths)}, but smoothed are {known}; give those parameters smooth first.")
         return self._variant(smoothing=self.smoothing.with_strengths(strengths))
+
+    def freed(self, bounds: Mapping[str, tuple[float, float]]) -> "Problem":
+        """The same problem with parameters between bounds that it holds at a value; scales, weights, steps and smoothing stay."""
+        freed = {n: replace(self.space.parameters[n], value=None, bounds=b, scale="linear", start=None) for n, b in bounds.items()}
+        space = Space({**self.space.parameters, **{n: replace(p, per_recording=False) for n, p in freed.items()}}, self.space.recordings)
+        other = self._variant(space=space, _compiled={})
+        other._prepare()
+        if self.smoothing is not None:
+            tables = {t.name: t for t in getattr(self.model, "tables", ())}
+            fresh = Smoothing.of(space, tables, self._spread())
+            other.smoothing = None if fresh is None else fresh.with_strengths(self.smoothing.strengths)
+        return other
 
     @cached_property
     def unsmoothed(self) -> "Problem":

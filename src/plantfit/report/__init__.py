@@ -2,6 +2,14 @@
 
 from plantfit.report.comparison import render_comparison, write_comparison
 from plantfit.report.html import render_html, write_report
-from plantfit.report.text import summary_text
+from plantfit.report.text import budgets_text, summary_text, uncertainty_text
 
-__all__ = ["render_comparison", "render_html", "summary_text", "write_comparison", "write_report"]
+__all__ = [
+    "budgets_text",
+    "render_comparison",
+    "render_html",
+    "summary_text",
+    "uncertainty_text",
+    "write_comparison",
+    "write_report",
+]

@@ -11,7 +11,7 @@ import jinja2
 from markupsafe import Markup
 
 from plantfit.errors import StoreError
-from plantfit.report import comparison_section, figures, sentences, tables
+from plantfit.report import comparison_section, figures, sentences, tables, uncertainty_tables
 from plantfit.report.drawings import Drawings, embedded
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
 from plantfit.report.figures.parameters import drawable
@@ -110,6 +110,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "tests": [_test(test, drawings) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
+        "uncertainty": _uncertainty(record),
         "combinations": _combinations(record, drawings),
         "search": _search(record, drawings),
         "comparison": comparison_section.of_findings(record, drawings),
@@ -182,6 +183,13 @@ def _parameters(record: Findings, drawings: Drawings) -> dict[str, Any]:
         "curves": [_curve(group, drawings) for group in _groups(record.tables)],
         "entries": tables.entries_tables(record.parameters),
     }
+
+
+def _uncertainty(record: Findings) -> dict[str, Any] | None:
+    if record.uncertainty is None:
+        return None
+    budgets, widened = uncertainty_tables.uncertainty_tables(record.uncertainty, record.parameters)
+    return {"told": uncertainty_tables.told(record), "budgets": budgets, "parameters": widened}
 
 
 def _groups(found: list[OperatingTable]) -> list[list[OperatingTable]]:

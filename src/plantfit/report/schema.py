@@ -95,6 +95,18 @@ class ResidualTest(_Record):
     cross: dict[str, Cross] = {}
 
 
+class StatedUncertainty(_Record):
+    """Standard uncertainties of one parameter: by noise, by stated errors and their sources, and together with the 95 % interval."""
+
+    noise: Number = None
+    shared: Number = None
+    sources: dict[str, Number] = {}
+    combined: Number = None
+    low: Number = None
+    high: Number = None
+    degrees_of_freedom: Number = None
+
+
 class Parameter(_Record):
     """`index` places an entry of the table `parameter`; it is empty for a single number."""
 
@@ -112,6 +124,50 @@ class Parameter(_Record):
     scale: Literal["linear", "log"] = "linear"
     at_bound: Literal["lower", "upper"] | None = None
     status: str = "determined"
+    uncertainty: StatedUncertainty | None = None
+
+
+class StatedError(_Record):
+    """A row of a budget; `acts` tells what the error does to readings."""
+
+    name: str
+    kind: Literal["A", "B"] = "B"
+    shape: str = ""
+    limit: Number = None
+    unit: str | None = None
+    divisor: Number = None
+    standard: Number = None
+    sensitivity: Number = None
+    contribution: Number = None
+    expanded: Number = None
+    share: Number = None
+    degrees_of_freedom: Number = None
+    acts: str = ""
+    per_recording: bool = False
+
+
+class ReadingBudget(_Record):
+    """The budget of one reading of a signal, of the clock, or of a held parameter, `at` a value."""
+
+    of: str
+    kind: Literal["signal", "clock", "constant"]
+    unit: str | None = None
+    at: Number = None
+    recordings: list[str] | None = None
+    sources: list[StatedError]
+    combined: Number = None
+    expanded: Number = None
+    degrees_of_freedom: Number = None
+    coverage_factor: Number = None
+
+
+class Uncertainty(_Record):
+    """Budgets of what was stated, and how the errors were carried to the parameters."""
+
+    method: Literal["linear", "monte carlo"]
+    draws: int | None = None
+    seed: int | None = None
+    budgets: list[ReadingBudget] = []
 
 
 class OperatingTable(_Record):
@@ -232,6 +288,7 @@ class Findings(_Record):
     scores: list[Score] = []
     residual_tests: list[ResidualTest] = []
     parameters: list[Parameter] = []
+    uncertainty: Uncertainty | None = None
     tables: list[OperatingTable] = []
     smoothing: list[SmoothedTable] = []
     combinations: list[Combination] = []

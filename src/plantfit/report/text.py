@@ -7,7 +7,8 @@ from typing import Any
 from plantfit.report.numbers import interval, plus_minus, significant
 from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
-from plantfit.report.tables import statuses
+from plantfit.report.tables import Table, statuses
+from plantfit.report.uncertainty_tables import budgets_of, widened_table
 
 WIDTH = 100
 
@@ -19,6 +20,7 @@ def summary_text(findings: Mapping[str, Any]) -> str:
     blocks += [_scores(record.scores), no_validation(record) if record.recordings else ""]
     blocks.append(_parameters([p for p in record.parameters if not p.index]))
     blocks.append(_tables(record))
+    blocks.append(_uncertainty(record))
     return "\n\n".join(block for block in blocks if block)
 
 
@@ -64,6 +66,27 @@ def _tables(record: Findings) -> str:
         span = f"{significant(min(values), 3, True)} to {significant(max(values), 3, True)}" if values else ""
         rows.append((name, recording, str(len(entries)), span, entries[0].unit or "", statuses(entries)))
     return columns(("table", "recording", "entries", "values", "unit", "status"), rows, right=(2,))
+
+
+def uncertainty_text(findings: Mapping[str, Any]) -> str:
+    """The parameters' uncertainties with stated errors; empty without."""
+    return _uncertainty(read_findings(findings))
+
+
+def budgets_text(budgets: Sequence[Mapping[str, Any]]) -> str:
+    """Budgets as `plantfit.trust.reading_budgets` gives them."""
+    return "\n\n".join(f"{_line(b.caption)}\n{_grid(b)}" for b in budgets_of(budgets, True))
+
+
+def _uncertainty(record: Findings) -> str:
+    if record.uncertainty is None:
+        return ""
+    widened = widened_table([p for p in record.parameters if not p.index], True)
+    return f"{widened.caption}\n{_grid(widened)}" if widened.rows else ""
+
+
+def _grid(table: Table) -> str:
+    return columns(table.head, table.rows, sorted(table.numeric))
 
 
 def _status(parameter: Parameter) -> str:

@@ -16,12 +16,18 @@ from plantfit.problem.filter_alike import filter_alike
 from plantfit.space import Parameter
 from plantfit.spec.recordings import experiment_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable, validated
+from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
+from plantfit.trust.shared_error import SharedError
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study file, ready to run; `text` is its wording, `folder` where its recordings are looked for."""
+    """A study file, ready to run; `text` is its wording, `path` beside which its recordings are looked for.
+
+    `errors` are those of instruments, clock and held values that it states, `draws` the refits that carry them to the parameters
+    (None: to first order).
+    """
 
     name: str
     text: str
@@ -29,6 +35,8 @@ class Study:
     problem: Problem
     plan: Plan
     table: SpecTable
+    errors: tuple[SharedError, ...] = ()
+    draws: int | None = None
 
 
 def load(path: str | Path) -> Study:
@@ -68,7 +76,8 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
         substeps=table.simulation.substeps,
         name=table.name,
     )
-    return Study(table.name, text, path, problem, _plan(table, problem, path), table)
+    plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
+    return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
 
 
 def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:

@@ -28,6 +28,12 @@ def _numbers(value: Any) -> Any:
     return float(value)
 
 
+def _by_name(value: Any) -> Any:
+    if isinstance(value, list):
+        raise ValueError("write [uncertainty.NAME], a table with a name of its own for each source, in place of [[uncertainty]]")
+    return value
+
+
 Pair = tuple[float, float]
 Numbers = Annotated[Any, BeforeValidator(_numbers)]  # one number for all nodes of a table, or one for each
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
@@ -111,6 +117,26 @@ class SearchTable(_Table):
     shooting: Annotated[int, Field(ge=1)] | None = None
 
 
+class UncertaintyTable(_Table):
+    of: str
+    kind: Literal["offset", "gain", "zero", "full scale"] | None = None
+    limit: float | None = None
+    standard: float | None = None
+    expanded: float | None = None
+    k: float | None = Field(None, gt=0)
+    repeats: Annotated[list[float], Field(min_length=2)] | None = None
+    shape: Literal["rectangular", "triangular", "u-shaped", "normal"] | None = None
+    degrees_of_freedom: float | None = Field(None, gt=0)
+    unit: str | None = None
+    span: float | None = Field(None, gt=0)
+    recordings: Annotated[list[str], Field(min_length=1)] | None = None
+    per_recording: bool = False
+
+
+class PropagationTable(_Table):
+    draws: Annotated[int, Field(ge=20)] | None = None
+
+
 class SpecTable(_Table):
     name: str
     recording: dict[str, RecordingTable] = Field(min_length=1)
@@ -120,6 +146,8 @@ class SpecTable(_Table):
     search: SearchTable = SearchTable()
     scales: dict[str, Annotated[float, Field(gt=0)]] = {}
     balance: Literal["samples", "recordings"] = "samples"
+    uncertainty: Annotated[dict[str, UncertaintyTable], BeforeValidator(_by_name)] = {}
+    propagation: PropagationTable = PropagationTable()
 
 
 def validated(text: str, path: Path) -> SpecTable:
@@ -156,7 +184,7 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
     """Keys allowed in the table at a place."""
     tables: dict[str, type[BaseModel]] = {
         "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
-        "search": SearchTable,
+        "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable,
     }  # fmt: skip
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:

@@ -17,8 +17,10 @@ from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
 from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.shared_error import SharedError
 from plantfit.trust.smoothing_strength import smoothing_rows
 from plantfit.trust.table_visits import agreeing, table_visits
+from plantfit.trust.uncertainty_findings import uncertainty_findings
 from plantfit.trust.verdict import sentences
 
 COMBINATIONS = 5  # the worst that are told
@@ -33,19 +35,26 @@ def assess(
     command: str = "",
     seconds: Mapping[str, float] | None = None,
     verify: bool = True,
+    errors: Sequence[SharedError] = (),
+    draws: int | None = None,
 ) -> dict[str, Any]:
-    """The findings record (docs/architecture.md) for the best of `runs`; JSON types only."""
+    """The findings record (docs/architecture.md) for the best of `runs`; JSON types only.
+
+    Shared `errors` widen the intervals (section "uncertainty"): to first order, or by so many `draws`.
+    """
     best = min(runs, key=lambda r: r.cost)
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
     visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
     rows = parameter_rows(problem.space, local, unseen)
+    rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
     findings = {
         "name": problem.name,
         "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
         "scores": _scores(problem, predictions),
         "residual_tests": _residual_tests(problem, predictions),
         "parameters": rows,
+        "uncertainty": uncertainty,
         "tables": table_rows(problem, rows, visits),
         "smoothing": smoothing_rows(problem, local),
         "combinations": _combinations(local, rows),

@@ -2,64 +2,32 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
 from plantfit.problem.problem import Problem
-from plantfit.recording.record import Recording, Signal
+from plantfit.recording.record import Recording
 from plantfit.trust.covariance import box_prior, covariance, normal_matrix
 from plantfit.trust.local import EDGE, linearise, residual_blocks
 from plantfit.trust.refit import refit
-from plantfit.trust.uncertainty_budget import Source
+from plantfit.trust.shared_error import SharedError as SharedError
+from plantfit.trust.uncertainty_budget import MANY
 
 import jax
 import jax.numpy as jnp
 
 FINE = 1e-9  # relative decrease of the cost that ends a refit here, where small moves count
-
-
-@dataclass(frozen=True)
-class SharedError:
-    """An error that is one number e for all samples of all recordings.
-
-    `kind` tells what it does: "offset" adds e to the signal `of`; "gain" multiplies the signal by 1 + e; "full scale" adds
-    e y/span; "zero" adds e (1 - y/span); "clock" makes times 1 + e as long; "constant" adds e to the parameter `of`, which is one
-    number for all recordings and free in the problem but was held in the fit.
-    """
-
-    source: Source
-    kind: Literal["offset", "gain", "zero", "full scale", "clock", "constant"]
-    of: str = ""
-    span: float = 1.0
-
-    def corrected(self, recording: Recording, error: float) -> Recording:
-        """The recording without an error of this size."""
-        if self.kind == "constant":
-            return recording
-        if self.kind == "clock":
-            first = recording.t[0]
-            return Recording(first + (recording.t - first) / (1.0 + error), recording.signals, recording.name, recording.log)
-        y = recording[self.of]
-        if self.kind == "offset":
-            y = y - error
-        elif self.kind == "gain":
-            y = y / (1.0 + error)
-        elif self.kind == "full scale":
-            y = y / (1.0 + error / self.span)
-        else:
-            y = (y - error) / (1.0 - error / self.span)
-        return Recording(
-            recording.t, {**recording.signals, self.of: Signal(y, recording.signals[self.of].unit)}, recording.name, recording.log
-        )
+REACH = 6.0  # standard uncertainties that a held constant is freed by on either side
 
 
 @dataclass(frozen=True)
 class ParameterUncertainty:
     """Parameters (d,) in their units: `values`, `random` standard errors from the residuals, `systematic` (d,) standard
-    uncertainties by source, `combined`, `low` and `high`; held parameters have zeros.
+    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros.
 
     `draws` (n, d): parameters of the refits of the Monte Carlo, else None; they carry the systematic and the random part.
     """
@@ -72,10 +40,25 @@ class ParameterUncertainty:
     combined: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    degrees_of_freedom: np.ndarray
     draws: np.ndarray | None = None
 
+    @property
+    def shared(self) -> np.ndarray:
+        """Standard uncertainty (d,) by all sources together, without the noise."""
+        return np.sqrt(sum((s**2 for s in self.systematic.values()), np.zeros(len(self.names))))
 
-def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: float = 1.96) -> ParameterUncertainty:
+    def _of(self, places: Sequence[int]) -> "ParameterUncertainty":
+        """The same of some of the parameters."""
+        at = list(places)
+        return ParameterUncertainty(
+            tuple(self.names[i] for i in at), tuple(self.units[i] for i in at), self.values[at], self.random[at],
+            {n: s[at] for n, s in self.systematic.items()}, self.combined[at], self.low[at], self.high[at],
+            self.degrees_of_freedom[at], None if self.draws is None else self.draws[:, at],
+        )  # fmt: skip
+
+
+def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: float | None = None) -> ParameterUncertainty:
     """Standard uncertainties to first order, with intervals of `k` combined ones around the values, inside the bounds.
 
     `answer` is a cube point (d,) or what `fit` returns. An error e moves the least-squares answer by
@@ -84,25 +67,43 @@ def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: f
 
     (the implicit function theorem at the minimum, without second derivatives of the residuals), J by the exact derivatives, dr/de
     by central differences over one standard uncertainty. Variances of independent errors and of the noise add (JCGM 100, eq. 10).
-    Raises SpaceError for a "constant" that is no free parameter.
+    Without `k` the intervals hold 95 %, by Student's t where sources have few degrees of freedom (JCGM 100, G.4.1).
+    Raises SpaceError for a "constant" that is no single number of the problem, and RecordingError for an unknown signal.
     """
-    z, free = _start(problem, answer, errors)
+    work, z = _with_constants(problem, answer, errors)
+    found = _propagate(work, z, errors, k)
+    return found._of([work.space.names.index(n) for n in problem.space.names])
+
+
+def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k: float | None = None) -> ParameterUncertainty:
+    free = _free(problem, errors)
     local = linearise(problem, z)
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     slope = _slope(problem, z)
     at = np.flatnonzero(free & np.array([b is None for b in local.at_bound]))
     solve, noise = _solver(problem, residuals, jacobian, at)
-    systematic = {}
+    squares: dict[str, np.ndarray] = {}
+    few = np.zeros(len(z))  # the sum in the formula of Welch and Satterthwaite
     for error in errors:
-        moved = np.zeros(len(z))
-        moved[at] = -solve @ _by_error(problem, z, jacobian, slope, error)
-        systematic[error.source.name] = np.abs(moved * slope) * error.source.standard
+        own = np.zeros(len(z))
+        own[at] = np.sum((solve @ _by_error(problem, z, jacobian, slope, error)) ** 2, axis=1)
+        own *= (slope * error.source.standard) ** 2
+        few += own**2 / error.source.degrees_of_freedom
+        squares[error.source.name] = squares.get(error.source.name, 0.0) + own
     random = np.zeros(len(z))
     random[at] = np.sqrt(np.maximum(np.diag(noise), 0.0)) * slope[at]
-    combined = np.sqrt(random**2 + sum((s**2 for s in systematic.values()), np.zeros(len(z))))
+    systematic = {n: np.sqrt(s) for n, s in squares.items()}
+    combined = np.sqrt(random**2 + sum(squares.values(), np.zeros(len(z))))
+    degrees = np.divide(combined**4, few, out=np.full(len(z), np.inf), where=few > 0)
     names, units, values = _named(problem, z)
-    low, high = np.maximum(values - k * combined, problem.space.lower), np.minimum(values + k * combined, problem.space.upper)
-    return ParameterUncertainty(names, units, values, random, systematic, combined, low, high)
+    factor = coverage_factors(degrees) if k is None else k
+    low, high = np.maximum(values - factor * combined, problem.space.lower), np.minimum(values + factor * combined, problem.space.upper)
+    return ParameterUncertainty(names, units, values, random, systematic, combined, low, high, degrees)
+
+
+def coverage_factors(degrees: np.ndarray) -> np.ndarray:
+    """Of 95 % for effective degrees of freedom, cut to whole numbers (JCGM 100, G.4.1); 1.96 for many."""
+    return np.where(degrees > MANY, 1.96, student.ppf(0.975, np.maximum(1.0, np.floor(np.minimum(degrees, MANY)))))
 
 
 def propagate_by_monte_carlo(
@@ -113,48 +114,63 @@ def propagate_by_monte_carlo(
     The spread that the noise leaves is added to each refit by a normal draw with the covariance of the answer (JCGM 101, 5.9 and
     6.4); `low` and `high` are percentiles, the systematic parts those of `propagate`. Refits begin at the answer.
     """
-    linear = propagate(problem, answer, errors)
-    z, free = _start(problem, answer, errors)
+    work, z = _with_constants(problem, answer, errors)
+    keep = [work.space.names.index(n) for n in problem.space.names]
+    linear, free = _propagate(work, z, errors), _free(work, errors)
     inside = free & (z > EDGE) & (z < 1 - EDGE)
     rng = np.random.default_rng(seed)
-    drawn = {e: e.source.draw(rng, draws) for e in errors}
-    residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
+    drawn = [e.source.draw(rng, draws * _numbers(work, e)).reshape(draws, -1) for e in errors]
+    residuals, jacobian = work.unsmoothed.residuals_and_jacobian(z)
     at = np.flatnonzero(inside)
-    noise = _solver(problem, residuals, jacobian, at)[1]
+    noise = _solver(work, residuals, jacobian, at)[1]
     shaken = np.zeros((draws, len(z)))
     shaken[:, at] = rng.multivariate_normal(np.zeros(len(at)), noise, draws, method="eigh")
     found = np.empty((draws, len(z)))
-    slope = _slope(problem, z)
+    slope = _slope(work, z)
     for i in range(draws):
-        recordings = {n: e.recording for n, e in problem.experiments.items()}
+        recordings = {n: e.recording for n, e in work.experiments.items()}
         start = z.copy()
-        for error, values in drawn.items():
-            recordings = {n: error.corrected(r, values[i]) for n, r in recordings.items()}
+        for error, values in zip(errors, drawn, strict=True):
+            recordings = _corrected(recordings, error, values[i])
             if error.kind == "constant":
-                place = problem.space.names.index(error.of)
-                start[place] += values[i] / slope[place]
-        point, _ = refit(problem.with_recordings(recordings), start, free, FINE)
-        found[i] = np.asarray(problem.space.physical(np.clip(point + shaken[i], 0.0, 1.0)))
+                place = work.space.names.index(error.of)
+                start[place] += values[i, 0] / slope[place]
+        point, _ = refit(work.with_recordings(recordings), start, free, FINE)
+        found[i] = np.asarray(work.space.physical(np.clip(point + shaken[i], 0.0, 1.0)))
     low, high = np.quantile(found, [0.5 - level / 2, 0.5 + level / 2], axis=0)
     held = ~free
     low[held] = high[held] = linear.values[held]
     spread = np.where(held, 0.0, np.std(found, axis=0, ddof=1))
-    return ParameterUncertainty(linear.names, linear.units, linear.values, linear.random, linear.systematic, spread, low, high, found)
+    return ParameterUncertainty(
+        linear.names, linear.units, linear.values, linear.random, linear.systematic, spread, low, high, linear.degrees_of_freedom, found
+    )._of(keep)
 
 
-def _start(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[np.ndarray, np.ndarray]:
-    """The cube point (d,), and which coordinates the fit had free."""
+def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[Problem, np.ndarray]:
+    """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
     z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
-    free = np.ones(len(z), bool)
-    for error in errors:
-        if error.kind == "constant":
-            if error.of not in problem.space.names:
-                raise SpaceError(
-                    f"The constant {error.of!r} is no free parameter of the problem; give it bounds around its value. Free are "
-                    f"{list(problem.space.names)}."
-                )
-            free[problem.space.names.index(error.of)] = False
-    return z, free
+    bounds, held, known = {}, {}, problem.space.parameters
+    for name in dict.fromkeys(e.of for e in errors if e.kind == "constant" and e.of not in problem.space.names):
+        if name not in known or known[name].value is None or known[name].shape or known[name].tied is not None:
+            raise SpaceError(
+                f"The constant {name!r} is no single number of the problem that is held at a value or free; give a parameter of that "
+                f"name a value, or bounds around it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
+            )
+        held[name] = value = float(known[name].value or 0.0)
+        stated = sum(e.source.standard for e in errors if e.kind == "constant" and e.of == name)
+        reach = max(REACH * stated, 1e-9 * abs(value), 1e-12)
+        bounds[name] = (max(value - reach, 0.0) if value > 0 else value - reach, value + reach)  # a mass or a delay stays one
+    if not bounds:
+        return problem, z
+    work = problem.freed(bounds)
+    values = dict(zip(problem.space.names, np.asarray(problem.space.physical(z)).tolist(), strict=True))
+    return work, work.space.cube(work.space.vector({**values, **held}))
+
+
+def _free(problem: Problem, errors: Sequence[SharedError]) -> np.ndarray:
+    """Which coordinates (d,) the fit had free."""
+    constants = {e.of for e in errors if e.kind == "constant"}
+    return np.array([n not in constants for n in problem.space.names], dtype=bool)
 
 
 def _slope(problem: Problem, z: np.ndarray) -> np.ndarray:
@@ -167,25 +183,46 @@ def _solver(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, at: n
     blocks, j = residual_blocks(problem), jacobian[:, at]
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(at)), np.finfo(float).tiny)
     hessian = normal_matrix(j, blocks) / variance
-    if problem.smoothing is not None:
-        hessian = hessian + problem.smoothing.matrix[np.ix_(at, at)] / variance
+    smoothing = None if problem.smoothing is None else problem.smoothing.matrix[np.ix_(at, at)]
+    if smoothing is not None:
+        hessian = hessian + smoothing / variance
     plain = np.linalg.inv(hessian + box_prior(hessian))
-    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool))
+    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing)
 
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:
-    """Derivative (m,) of the residuals by the size of a shared error, the parameters held."""
+    """Derivatives (m, r) of the residuals by the numbers of a shared error, the parameters held."""
     if error.kind == "constant":
         place = problem.space.names.index(error.of)
-        return jacobian[:, place] / slope[place]
+        return (jacobian[:, place] / slope[place])[:, None]
     step = error.source.standard
     if step == 0.0:
-        return np.zeros(len(jacobian))
-    ends = []
+        return np.zeros((len(jacobian), 1))
+    ends, before = [], {n: e.recording for n, e in problem.experiments.items()}
     for sign in (1.0, -1.0):
-        recordings = {n: error.corrected(e.recording, sign * step) for n, e in problem.experiments.items()}
-        ends.append(np.asarray(problem.with_recordings(recordings).unsmoothed.residuals(z)))
-    return (ends[0] - ends[1]) / (2.0 * step)
+        moved = _corrected(before, error, np.full(_numbers(problem, error), sign * step))
+        ends.append(np.asarray(problem.with_recordings(moved).unsmoothed.residuals(z)))
+    together = (ends[0] - ends[1]) / (2.0 * step)
+    return np.where(_owners(problem, error), together[:, None], 0.0) if error.per_recording else together[:, None]
+
+
+def _owners(problem: Problem, error: SharedError) -> np.ndarray:
+    """Which residuals (m, r) belong to each recording that has the error."""
+    counts = {n: sum(len(problem.data["index"][n][o]) for o in problem.outputs) for n in problem.data["drive"]}
+    owner = np.repeat(list(counts), list(counts.values()))
+    return owner[:, None] == np.array(error.touches(tuple(problem.experiments)))[None, :]
+
+
+def _numbers(problem: Problem, error: SharedError) -> int:
+    """How many numbers an error is: one, or one for each recording that has it."""
+    return len(error.touches(tuple(problem.experiments))) if error.per_recording else 1
+
+
+def _corrected(recordings: Mapping[str, Recording], error: SharedError, values: np.ndarray) -> dict[str, Recording]:
+    """The recordings without an error of these sizes (r,)."""
+    names = error.touches(tuple(recordings))
+    sizes = dict(zip(names, np.broadcast_to(values, len(names)).tolist(), strict=True))
+    return {n: error.corrected(r, sizes[n]) if n in sizes else r for n, r in recordings.items()}
 
 
 def _named(problem: Problem, z: np.ndarray) -> tuple[tuple[str, ...], tuple[str | None, ...], np.ndarray]:

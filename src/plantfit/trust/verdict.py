@@ -6,6 +6,7 @@ from typing import Any
 from plantfit.optimize.contract import RunResult
 from plantfit.trust.verdict_fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
 from plantfit.trust.verdict_parameters import parameter_sentences
+from plantfit.trust.verdict_uncertainty import uncertainty_sentences
 from plantfit.trust.words import Sentence, number, say, with_unit
 
 Findings = Mapping[str, Any]
@@ -18,6 +19,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *unseen_sentences(findings),
         *_agreement(findings, best),
         *parameter_sentences(findings),
+        *uncertainty_sentences(findings),
         *_combinations(findings),
         *residual_sentences(findings),
         *noise_sentences(findings),

@@ -29,13 +29,19 @@ def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence
     if not good:
         return
     named = [p for p in single if p["status"] == "determined"]
-    listed = ", ".join(estimate(dict(p)) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
-    text = f"The data determine {len(good)} of {total} parameters" + (f": {listed}." if listed else ".")
+    listed = ", ".join(_told(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
+    text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     yield say("good" if len(good) == total else "info", text, determined=len(good))
 
 
+def _told(p: Row) -> str:
+    """A value with its standard error, or with all its uncertainty where errors were stated."""
+    return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
+
+
 def _weak(p: Row) -> Sentence:
-    text = f"{p['name']} is only roughly known: {estimate(dict(p))}."
+    text = f"{p['name']} is only roughly known: {_told(p)}."
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
 
 

@@ -18,9 +18,11 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
     shown = drawable(parameters)
     rows = {p.name: len(shown) - 1 - k for k, p in enumerate(shown)}
     sure = [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None]
+    wide = [(*_reach(p, p.uncertainty.low, p.uncertainty.high), rows[p.name]) for p in shown if p.uncertainty is not None]
     data = [
         _lines("bounds", [(0.0, 1.0, rows[p.name]) for p in shown], style.TRACK, 8, showlegend=False, hoverinfo="skip"),
-        _lines("95 % interval", sure, style.SIMULATED, 8),
+        *([_lines("95 % interval with stated errors", wide, style.WARNING, 3)] if wide else []),
+        _lines("95 % interval" + (" by noise" if wide else ""), sure, style.SIMULATED, 8),
         _values(shown, rows),
         *_runs(shown, runs, rows),
     ]
@@ -77,7 +79,11 @@ def _width(p: Parameter) -> float:
 
 
 def _clipped(p: Parameter) -> tuple[float, float]:
-    return tuple(float(np.clip(position(p, float(v or 0)), 0, 1)) for v in (p.low, p.high))  # type: ignore[return-value]
+    return _reach(p, p.low, p.high)
+
+
+def _reach(p: Parameter, low: float | None, high: float | None) -> tuple[float, float]:
+    return tuple(float(np.clip(position(p, float(v or 0)), 0, 1)) for v in (low, high))  # type: ignore[return-value]
 
 
 def _lines(name: str, pieces: list[tuple[float, float, int]], colour: str, width: int, **more) -> dict:

@@ -1,0 +1,178 @@
+"""The errors that a study file states: limits of data sheets as shared errors of signals, of the clock, of held parameters."""
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plantfit import units
+from plantfit.errors import PlantfitError, SpecError, UnitError
+from plantfit.problem import Problem
+from plantfit.spec.tables import SpecTable, UncertaintyTable
+from plantfit.trust.shared_error import Kind, SharedError
+from plantfit.trust.uncertainty_budget import Source, type_a, type_b
+
+SIZES = ("limit", "standard", "expanded", "repeats")
+KINDS = ("offset", "gain", "zero", "full scale")
+SHARES = ("%", "permille", "ppm")
+
+
+def errors_of(table: SpecTable, problem: Problem, path: Path) -> tuple[SharedError, ...]:
+    """One for each [uncertainty.NAME]; raises SpecError and UnitError with file, table and what to do."""
+    found = []
+    for name, own in table.uncertainty.items():
+        try:
+            found.append(_error(name, own, table, problem))
+        except PlantfitError as error:
+            error.args = (f"{path.name}, [uncertainty.{name}]: {error}",)
+            raise
+    return tuple(found)
+
+
+def _error(name: str, own: UncertaintyTable, table: SpecTable, problem: Problem) -> SharedError:
+    _check_size(own)
+    for recording in own.recordings or ():
+        if recording not in table.recording:
+            raise SpecError(f"recordings names {recording!r}, which is not there{_near(recording, table.recording)}")
+    kind = _kind(own, table, problem)
+    if kind == "constant" and (own.recordings is not None or own.per_recording):
+        raise SpecError(f"{own.of!r} is one number for all recordings; leave out recordings and per_recording.")
+    _check_span(own, kind)
+    unit = _unit(own.of, kind, problem)
+    source = _source(name, own, unit, _factor(own, kind, unit, table, problem))
+    relative = kind in ("gain", "clock")
+    if relative and source.limit >= 1.0:
+        raise SpecError(f'it says that the {kind} may err by {source.limit:g} of itself; write 0.01 or unit = "%" for one per cent.')
+    recordings = None if own.recordings is None else tuple(own.recordings)
+    return SharedError(source, kind, "" if kind == "clock" else own.of, own.span or 1.0, recordings, own.per_recording)
+
+
+def _kind(own: UncertaintyTable, table: SpecTable, problem: Problem) -> Kind:
+    """What the error does; what `of` names decides which kinds there are."""
+    signals, of = problem.predictor.needs, own.of
+    if of in signals:
+        if own.kind is None:
+            raise SpecError(f"kind is missing: say what the error does to {of!r}, one of {', '.join(map(repr, KINDS))}.")
+        return own.kind
+    if of != "clock":
+        _check_constant(of, table, problem)
+    if own.kind is not None:
+        what = "the clock" if of == "clock" else f"the parameter {of!r}"
+        raise SpecError(f"kind = {own.kind!r} is for signals, and of names {what}; leave kind out.")
+    return "clock" if of == "clock" else "constant"
+
+
+def _check_constant(of: str, table: SpecTable, problem: Problem) -> None:
+    parameters = problem.space.parameters
+    if of in table.model.constants:
+        raise SpecError(
+            f"{of!r} stands among the constants of [model], which nothing may move; make it a parameter: [parameters.{of}] with value and unit."
+        )
+    if of not in parameters:
+        held = [n for n, p in parameters.items() if p.value is not None and not p.shape]
+        known = [*problem.predictor.needs, "clock", *held]
+        raise SpecError(f"of = {of!r} names no signal of the model, no held parameter, and not the clock{_near(of, known)}")
+    p = parameters[of]
+    if p.tied is not None:
+        raise SpecError(f"{of!r} is tied to {p.tied!r}; state the uncertainty of {problem.space.root(of)!r}.")
+    if p.value is None:
+        raise SpecError(
+            f"{of!r} is fitted, so that the data say how uncertain it is; hold it with [parameters.{of}] value, or leave this out."
+        )
+    if p.shape:
+        raise SpecError(f"{of!r} is a table; only single held numbers can have an uncertainty.")
+
+
+def _check_size(own: UncertaintyTable) -> None:
+    """One way to say how large the error is, with numbers that can be."""
+    given = [s for s in SIZES if getattr(own, s) is not None]
+    if not given:
+        raise SpecError(
+            "the size is missing: give limit (half width from the data sheet), standard, expanded with its k, or repeats = [...]."
+        )
+    if len(given) > 1:
+        raise SpecError(f"it gives {' and '.join(given)}; keep one way to say how large the error is.")
+    size = given[0]
+    value = getattr(own, size)
+    if size == "repeats":
+        if not np.all(np.isfinite(value)):
+            raise SpecError(f"repeats = {list(value)} holds what is no number; leave it out.")
+    elif not (np.isfinite(value) and value >= 0):
+        better = f"an uncertainty has no sign, write {-value:g}" if -np.inf < value < 0 else "give a number of at least 0"
+        raise SpecError(f"{size} = {value:g} cannot be used; {better}.")
+    for key, where in (("shape", "limit"), ("k", "expanded")):
+        if getattr(own, key) is not None and size != where:
+            raise SpecError(f"{key} belongs to {where}, and {size} is given; leave {key} out.")
+    if own.degrees_of_freedom is not None and size == "repeats":
+        raise SpecError("repeats tell their own degrees of freedom; leave degrees_of_freedom out.")
+    if own.shape == "normal":
+        raise SpecError('a normal distribution has no limit; give standard, or expanded with its k, in place of shape = "normal".')
+
+
+def _check_span(own: UncertaintyTable, kind: Kind) -> None:
+    if kind in ("zero", "full scale") and own.span is None:
+        raise SpecError(f"kind = {kind!r} needs span: how far the sensor measures, in the unit of {own.of!r}.")
+    if kind == "gain" and own.span is not None:
+        raise SpecError('a gain is a share of the reading, so that span says nothing; for a share of the span use kind = "full scale".')
+    if kind in ("clock", "constant") and own.span is not None:
+        raise SpecError(f"span is for signals, and of names {own.of!r}; leave span out.")
+
+
+def _unit(of: str, kind: Kind, problem: Problem) -> str | None:
+    """The unit of the error."""
+    if kind in ("gain", "clock"):
+        return "1"
+    if kind == "constant":
+        return problem.space.parameters[of].unit
+    return next((unit for e in problem.experiments.values() if (unit := e.recording.signals[of].unit)), None)
+
+
+def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTable, problem: Problem) -> float:
+    """What turns the numbers of the table into the unit of the error."""
+    if kind in ("gain", "clock"):
+        if own.unit is None:
+            return 1.0
+        if not units.compatible(own.unit, "1"):
+            raise UnitError(f'a {kind} is relative, and {own.unit!r} is not: write unit = "%" or "ppm", or none for a plain share.')
+        return units.factor_offset(own.unit, "1")[0]
+    if kind == "constant":
+        p = problem.space.parameters[own.of]
+        beside = table.parameters[own.of].unit if own.of in table.parameters else None
+        return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # type: ignore[arg-type]
+    return _absolute(own, own.unit, unit, own.span, "the span: give span")
+
+
+def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whole: float | None, of_what: str) -> float:
+    """A unit turned into that of a signal or parameter; % and ppm of anything that is not in them are shares of `whole`."""
+    if given is None or given == wanted:
+        return 1.0
+    parsed = units.parse(given)
+    if parsed in [units.parse(s) for s in SHARES] and not (wanted is not None and units.parse(wanted) == parsed):
+        if not whole:
+            raise SpecError(f"unit = {given!r} is a share of {of_what}, or give a number in {wanted or 'its unit'!r}.")
+        return units.factor_offset(given, "1")[0] * whole
+    if wanted is None:
+        raise UnitError(f"unit = {given!r}, but {own.of!r} has no unit; leave unit out, or give {own.of!r} one.")
+    if not units.compatible(given, wanted):
+        raise UnitError(f"unit = {given!r} cannot be turned into {wanted!r}, the unit of {own.of!r}; correct one of them.")
+    return units.factor_offset(given, wanted)[0]  # an uncertainty is a difference: 1 degC is 1 K
+
+
+def _source(name: str, own: UncertaintyTable, unit: str | None, factor: float) -> Source:
+    more: dict[str, Any] = {} if own.degrees_of_freedom is None else {"degrees_of_freedom": own.degrees_of_freedom}
+    if own.repeats is not None:
+        return type_a(name, factor * np.asarray(own.repeats), unit)
+    if own.limit is not None:
+        return type_b(name, factor * own.limit, unit, own.shape or "rectangular", **more)
+    if own.standard is not None:
+        return type_b(name, factor * own.standard, unit, "normal", k=1.0, **more)
+    return type_b(name, factor * (own.expanded or 0.0), unit, "normal", k=own.k or 2.0, **more)
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    """`; did you mean 'y'? There are ...`."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; {f'did you mean {near[0]!r}? ' if near else ''}There are {', '.join(known)}."
