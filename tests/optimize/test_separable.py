@@ -6,7 +6,7 @@ import pytest
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective
 from plantfit.optimize.counter import Counter
-from plantfit.optimize.separable import separable_least_squares
+from plantfit.optimize.separable import FINE, LONG, Block, separable_least_squares
 
 
 def blocks_of(targets, wave):
@@ -89,3 +89,23 @@ def test_the_same_seed_gives_the_same_bits():
     for a, b in zip(*runs, strict=True):
         assert a.cost == b.cost
         np.testing.assert_array_equal(a.x, b.x)
+
+
+def test_a_search_that_crawls_gives_way_but_its_answer_counts():
+    """10 of 10 random starts of the steam chamber need this (tests/cases/test_steam_demo.py, slow)."""
+    rng = np.random.default_rng(0)
+    block = Block(np.arange(2), np.array([0.3, 0.4]), np.array([2.0, 0.0]), np.eye(2), length=LONG)
+    assert block.crawls
+    block.next(rng, agree=2)
+    assert block.fresh
+    assert block.patience == 2 * LONG  # the next one may take longer
+    assert block.answer[0] == 4.0
+    np.testing.assert_array_equal(block.answer[1], [0.3, 0.4])
+    block.begin(block.x, np.array([1.0, 0.0]), np.eye(2))
+    assert not block.crawls
+    block.done = True  # came to its end
+    block.next(rng, agree=2)
+    assert block.patience == LONG
+    assert [c for c, _ in block.found] == [4.0, 1.0]
+    last = Block(np.arange(2), np.array([0.3, 0.4]), np.array([2.0, 0.0]), np.eye(2), tolerance=FINE, length=10 * LONG)
+    assert not last.crawls  # the best answer is led to its last digits

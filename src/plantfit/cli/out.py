@@ -71,6 +71,8 @@ def stoppable(sentence: str = "Stopping: saving what is done. Ctrl-C again stops
 def _describe(p: Any) -> tuple[str, str]:
     """What is worked on, and how far it is."""
     left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
+    if getattr(p, "unit", "run") == "part":
+        return p.method, f"{p.unit} {min(p.runs_done + 1, p.runs)}/{p.runs}{left}"
     best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
     unit = getattr(p, "unit", "run")
     method = getattr(p, "method", "searching")

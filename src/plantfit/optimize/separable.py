@@ -16,6 +16,7 @@ COARSE, FINE = 1e-5, 1e-8  # relative decrease that ends a search, and the last 
 SAME = 0.01  # relative difference of costs that counts as the same answer
 HOPELESS = 1e16  # damping that ends a search
 DAMPING = 1e-2
+LONG = 100  # evaluations of a search after which another start is tried first; twice as many each time this happens again
 FLAT = 1e-3  # smallest scale of a coordinate, as a share of the largest
 
 
@@ -31,6 +32,8 @@ class Block:
     damping: float = DAMPING
     growth: float = 2.0
     scale: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    length: int = 0  # evaluations of this search
+    patience: int = LONG
     done: bool = False
     fresh: bool = False  # x is a start that has not been evaluated yet
     found: list[tuple[float, np.ndarray]] = field(default_factory=list)
@@ -77,13 +80,14 @@ class Block:
     def begin(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
         """Take up a start, or give it up at once when it cannot be simulated."""
         self.x, self.residuals, self.jacobian, self.fresh = x, residuals, jacobian, False
-        self.damping, self.growth, self.scale = DAMPING, 2.0, np.zeros(0)
+        self.damping, self.growth, self.scale, self.length = DAMPING, 2.0, np.zeros(0), 0
         self.done = not (np.all(np.isfinite(residuals)) and np.all(np.isfinite(jacobian)))
 
     def next(self, rng: np.random.Generator, agree: int) -> None:
         """After a search: a new start, until the best answer was found `agree` times; then the best to its last digits."""
         if self.tolerance == FINE:
             return
+        self.patience = LONG if self.done else 2 * self.patience
         if np.isfinite(self.cost):
             self.found.append((self.cost, self.x))
         best = min((c for c, _ in self.found), default=np.inf)
@@ -91,6 +95,11 @@ class Block:
             self.tolerance, self.fresh, self.x = FINE, True, min(self.found, key=lambda a: a[0])[1]
         else:
             self.fresh, self.x = True, rng.random(len(self.own))
+
+    @property
+    def crawls(self) -> bool:
+        """Whether this search has become long: some crawl on for ten times the evaluations of the others and end nowhere."""
+        return self.length >= self.patience and self.tolerance != FINE
 
     @property
     def answer(self) -> tuple[float, np.ndarray]:
@@ -117,7 +126,7 @@ def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, 
             break
         _advance(counter, x, blocks)
         for b in blocks:
-            if b.done and not b.fresh:
+            if (b.done or b.crawls) and not b.fresh:
                 b.next(rng, agree)
         if all(b.done and not b.fresh for b in blocks):
             break
@@ -141,4 +150,5 @@ def _advance(counter: Counter, x: np.ndarray, blocks: list[Block]) -> None:
         if b.fresh:
             b.begin(trial[b.own], r, j)
         elif not b.done:
+            b.length += 1
             b.update(p, promised, r, j)
