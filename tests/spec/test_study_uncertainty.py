@@ -81,6 +81,11 @@ def test_units_become_those_of_what_is_uncertain(parse):
     assert limit('of = "R"\nlimit = 0.02\nunit = "ohm"') == pytest.approx(0.01 * value)
 
 
+def test_signals_that_share_an_error(parse):
+    assert one(parse, 'of = ["u", "y"]\nkind = "gain"\nlimit = 1\nunit = "%"').of == ("u", "y")
+    assert one(parse, 'of = ["y"]\nkind = "offset"\nlimit = 1\nunit = "mA"').of == "y"
+
+
 def test_recordings_clock_and_draws(parse):
     study = parse(
         '[uncertainty.zero]\nof = "y"\nkind = "offset"\nlimit = 1\nper_recording = true\nrecordings = ["b"]\n[propagation]\ndraws = 50'
@@ -121,6 +126,10 @@ def test_recordings_clock_and_draws(parse):
         ('of = "R"\nkind = "gain"\nlimit = 0.1', SpecError, "kind = 'gain' is for signals, and of names the parameter 'R'"),
         ('of = "R"\nlimit = 0.1\nspan = 1', SpecError, "span is for signals"),
         ('of = "R"\nlimit = 0.1\nper_recording = true', SpecError, "'R' is one number for all recordings"),
+        ('of = ["u", "y"]\nkind = "offset"\nlimit = 0.1', SpecError, r"one offset cannot be that of .* units .u in V, y in A"),
+        ('of = ["y", "R"]\nkind = "gain"\nlimit = 0.1', SpecError, "of names the parameter 'R' among others"),
+        ('of = ["y", "z"]\nkind = "gain"\nlimit = 0.1', SpecError, "of = 'z' names no signal"),
+        ("of = 3\nlimit = 0.1", SpecError, "meter.of = 3 cannot be used"),
         ('of = "L"\nlimit = 0.1', SpecError, "'L' is fitted, so that the data say"),
         ('of = "c"\nlimit = 0.1', SpecError, "'c' stands among the constants"),
         ('of = "i"\nlimit = 0.1', SpecError, "of = 'i' names no signal"),

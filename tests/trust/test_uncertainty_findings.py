@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import t as student
 
 import plantfit as pf
+from plantfit.models import LinearModel
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust import assess, propagate, propagate_by_monte_carlo
@@ -125,6 +126,17 @@ def test_errors_of_one_recording_and_of_each():
     assert drawn.combined[0] == pytest.approx(np.hypot(u / np.sqrt(2), drawn.random[0]), rel=0.1)
 
 
+def test_a_reference_that_two_channels_share_leaves_their_ratio(problem):
+    both = dataclasses.replace(GAIN, of=("u", "y"))
+    found = propagate(problem, fitted(problem), [both])
+    assert found.systematic["span"] == pytest.approx([abs(found.values[0]) * GAIN.source.standard, 0.0], rel=1e-3, abs=1e-6)
+    alone = propagate(problem, fitted(problem), [GAIN, dataclasses.replace(GAIN, of="u", source=type_b("other", 0.03))])
+    assert np.hypot(alone.systematic["span"], alone.systematic["other"])[1] > 0.04  # as two cards would
+    drawn = propagate_by_monte_carlo(problem, fitted(problem), [both], draws=60, seed=1)
+    assert drawn.combined[1] == pytest.approx(drawn.random[1], rel=0.3)
+    assert [b["of"] for b in reading_budgets(problem, [both])] == ["u", "y"]
+
+
 def test_few_repeats_widen_the_interval(problem):
     zero = SharedError(type_a("zero", [0.05, 0.11, -0.04], "V"), "offset", "y")
     found = propagate(problem, fitted(problem), [zero, GAIN])
@@ -144,6 +156,46 @@ def test_monte_carlo_is_that_of_python(problem):
     assert [p["uncertainty"]["low"] for p in rows[:2]] == found.low.tolist()
     assert [p["uncertainty"]["combined"] for p in rows[:2]] == found.combined.tolist()
     assert found.combined == pytest.approx(propagate(answer.problem, answer, answer.errors).combined, rel=0.3)
+
+
+def test_a_regression_with_a_held_coefficient():
+    """p1 x1 + p2 x2 with p2 held: p1 moves by -x1.x2/x1.x1 for a unit of it, and a gain of y by p1 plus that times p2."""
+    columns = lambda s: np.column_stack([s["x1"], s["x2"]])  # noqa: E731
+    names = (pf.Declared("p1", "1", (-9.0, 9.0)), pf.Declared("p2", "1", (-9.0, 9.0)))
+    model = LinearModel("sum", {"y": "V"}, names, columns, {"x1": "V", "x2": "V"})
+    x1, x2 = np.sin(T), np.sin(T + 0.5)
+    y = 2.0 * x1 + 3.0 * x2 + 0.05 * np.random.default_rng(4).standard_normal(len(T))
+    run = Recording(T, {"x1": Signal(x1, "V"), "x2": Signal(x2, "V"), "y": Signal(y, "V")}, "run")
+    problem = Problem(model, run, {"p2": 3.0})
+    z = fitted(problem)
+    held = SharedError(type_b("p2", 0.1), "constant", "p2")
+    found = propagate(problem, z, [GAIN, held])
+    share = float(x1 @ x2 / (x1 @ x1))
+    assert found.systematic["p2"][0] == pytest.approx(abs(share) * held.source.standard, rel=1e-6)
+    expected = float(x1 @ y / (x1 @ x1)) * GAIN.source.standard
+    assert found.systematic["span"][0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_gain_scales_the_gain_of_moving_and_steady_records_alike():
+    model = pf.equations(
+        "x' = (K*u - x)/tau; y = x", inputs={"u": "V"}, states={"x": "V"}, outputs={"y": "V"},
+        parameters={"K": {"bounds": [0.1, 9]}, "tau": {"bounds": [0.1, 9], "unit": "s"}},
+    )  # fmt: skip
+    rng, u = np.random.default_rng(6), np.sign(np.sin(T))
+    x = [0.0]
+    for k in range(len(T) - 1):
+        x.append(3.0 * u[k] + (x[-1] - 3.0 * u[k]) * np.exp(-0.1 / 1.5))
+    run = Recording(T, {"u": Signal(u, "V"), "y": Signal(np.array(x) + 0.02 * rng.standard_normal(len(T)), "V")}, "run")
+    level = np.linspace(-2, 2, 9)
+    rest = Signal(3.0 * level + 0.02 * rng.standard_normal(9), "V")
+    curve = Recording(np.arange(9.0), {"u": Signal(level, "V"), "y": rest}, "curve")
+    problem = Problem(model, {"run": run, "curve": pf.Experiment(curve, steady=True)}, substeps=1)
+    z = fitted(problem)
+    found = propagate(problem, z, [GAIN, SharedError(type_b("clock", 1e-3), "clock")])
+    assert found.systematic["span"] == pytest.approx([found.values[0] * GAIN.source.standard, 0.0], rel=1e-3, abs=1e-6)
+    assert found.systematic["clock"] == pytest.approx([0.0, found.values[1] * 1e-3 / np.sqrt(3)], rel=0.02, abs=1e-5)
+    one = propagate(problem, z, [dataclasses.replace(GAIN, per_recording=True)])
+    assert one.systematic["span"][0] < 0.999 * found.systematic["span"][0]  # two draws do not both lie at the end
 
 
 def test_noise_part_is_the_standard_error_with_smoothed_tables():

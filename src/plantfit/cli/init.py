@@ -52,6 +52,13 @@ unit = "s"
 bounds = [0.0, {delay:.3g}]
 unit = "s"
 
+# ---- what the instruments may be wrong by: intervals allow for it (docs/study-file.md) ------------
+# [uncertainty.sensor]
+# of = "{output}"
+# kind = "gain"          # of the reading; or "offset", "zero", "full scale"
+# limit = 1.0            # half width from the data sheet
+# unit = "%"
+
 # ---- how to search ---------------------------------------------------------------------------
 [search]
 methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`

@@ -144,6 +144,8 @@ def _deliver(answer, place: str | None, name: str, json: bool, several: bool = F
     """Write the report and say the verdict; gives back what `--json` prints."""
     from plantfit.report import uncertainty_text
 
+    if answer.errors and answer.draws:
+        warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
     path = answer.report(place or f"{name}.html")
     if not json:
         if several:

@@ -110,7 +110,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "tests": [_test(test, drawings) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
-        "uncertainty": _uncertainty(record),
+        "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
         "search": _search(record, drawings),
         "comparison": comparison_section.of_findings(record, drawings),
@@ -183,13 +183,6 @@ def _parameters(record: Findings, drawings: Drawings) -> dict[str, Any]:
         "curves": [_curve(group, drawings) for group in _groups(record.tables)],
         "entries": tables.entries_tables(record.parameters),
     }
-
-
-def _uncertainty(record: Findings) -> dict[str, Any] | None:
-    if record.uncertainty is None:
-        return None
-    budgets, widened = uncertainty_tables.uncertainty_tables(record.uncertainty, record.parameters)
-    return {"told": uncertainty_tables.told(record), "budgets": budgets, "parameters": widened}
 
 
 def _groups(found: list[OperatingTable]) -> list[list[OperatingTable]]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.report.numbers import interval, percent, significant, unit_label
+from plantfit.report.numbers import interval, percent, plus_minus, significant, unit_label
 from plantfit.report.schema import Findings, Parameter, ReadingBudget, StatedError, StatedUncertainty, Uncertainty
 from plantfit.report.sentences import listed
 from plantfit.report.tables import Table
@@ -15,9 +15,12 @@ NOTHING = 1e-3  # of the combined uncertainty: less is shown as ~0
 RELATIVE = ("gain", "clock")
 
 
-def uncertainty_tables(uncertainty: Uncertainty, parameters: Sequence[Parameter], ascii_only: bool = False) -> tuple[list[Table], Table]:
-    """Tables of the budgets, and the table of the parameters."""
-    return [budget_table(b, ascii_only) for b in uncertainty.budgets], widened_table(parameters, ascii_only)
+def of_findings(record: Findings) -> dict[str, Any] | None:
+    """What the report shows: `told`, the tables `budgets` and that of the `parameters`; None where nothing was stated."""
+    stated = record.uncertainty
+    if stated is None:
+        return None
+    return {"told": _told(stated), "budgets": [budget_table(b) for b in stated.budgets], "parameters": widened_table(record.parameters)}
 
 
 def budgets_of(plain: Sequence[Mapping[str, Any]], ascii_only: bool = False) -> list[Table]:
@@ -97,17 +100,11 @@ def widened_table(parameters: Sequence[Parameter], ascii_only: bool = False) -> 
     rows = []
     for p, u in known:
         parts = [_part(v, u.combined, ascii_only) for v in (u.noise, *(_together(u, names) for names in columns.values()))]
-        times = f"{significant(u.combined / u.noise, 2, ascii_only)}" if u.combined and u.noise else ""
-        row = [
-            p.name,
-            significant(p.value, 4, ascii_only),
-            _unit(p.unit, ascii_only),
-            *parts,
-            significant(u.combined, 2, ascii_only),
-            times,
-        ]
-        rows.append((*row, interval(u.low, u.high, ascii_only), *([_degrees(u.degrees_of_freedom, ascii_only)] if few else [])))
-    head = ("parameter", "value", "unit", "noise", *columns, "combined", "times noise", "95 % interval", *(["dof"] if few else []))
+        times = significant(u.combined / u.noise, 2, ascii_only) if u.combined and u.noise else ""
+        degrees = [_degrees(u.degrees_of_freedom, ascii_only)] if few else []
+        value = plus_minus(p.value, u.combined, ascii_only)
+        rows.append((p.name, value, _unit(p.unit, ascii_only), interval(u.low, u.high, ascii_only), *degrees, times, *parts))
+    head = ("parameter", "value ± combined", "unit", "95 % interval", *(["dof"] if few else []), "times noise", "noise", *columns)
     marked = frozenset(k for k, (_, u) in enumerate(known) if u.noise and u.shared and u.shared > u.noise)
     return Table("Standard uncertainties of the parameters by source", head, tuple(rows), frozenset(range(len(head))) - {0, 2}, marked)
 
@@ -133,12 +130,11 @@ def _part(value: float | None, combined: float | None, ascii_only: bool) -> str:
     return "~0" if value is not None and combined and value < NOTHING * combined else significant(value, 2, ascii_only)
 
 
-def told(record: Findings) -> str:
-    """How the errors were carried to the parameters, in a sentence."""
-    assert record.uncertainty is not None  # who asks has looked
-    if record.uncertainty.method == "monte carlo":
+def _told(stated: Uncertainty) -> str:
+    """How the errors were carried to the parameters."""
+    if stated.method == "monte carlo":
         return (
-            f"Carried to the parameters by {record.uncertainty.draws} draws of errors, each with a fit anew (GUM supplement 1); intervals "
+            f"Carried to the parameters by {stated.draws} draws of errors, each with a fit anew (GUM supplement 1); intervals "
             "hold 95 % of the answers. Standard uncertainties by source are to first order."
         )
     return "Carried to the parameters to first order (GUM): standard uncertainties add in squares to that by noise."

@@ -118,7 +118,7 @@ class SearchTable(_Table):
 
 
 class UncertaintyTable(_Table):
-    of: str
+    of: str | Annotated[list[str], Field(min_length=1)]
     kind: Literal["offset", "gain", "zero", "full scale"] | None = None
     limit: float | None = None
     standard: float | None = None

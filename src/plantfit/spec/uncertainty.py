@@ -38,37 +38,58 @@ def _error(name: str, own: UncertaintyTable, table: SpecTable, problem: Problem)
             raise SpecError(f"recordings names {recording!r}, which is not there{_near(recording, table.recording)}")
     kind = _kind(own, table, problem)
     if kind == "constant" and (own.recordings is not None or own.per_recording):
-        raise SpecError(f"{own.of!r} is one number for all recordings; leave out recordings and per_recording.")
+        raise SpecError(f"{_names(own)[0]!r} is one number for all recordings; leave out recordings and per_recording.")
     _check_span(own, kind)
-    unit = _unit(own.of, kind, problem)
+    names = _names(own)
+    unit = _unit(names[0], kind, problem)
     source = _source(name, own, unit, _factor(own, kind, unit, table, problem))
     relative = kind in ("gain", "clock")
     if relative and source.limit >= 1.0:
         raise SpecError(f'it says that the {kind} may err by {source.limit:g} of itself; write 0.01 or unit = "%" for one per cent.')
     recordings = None if own.recordings is None else tuple(own.recordings)
-    return SharedError(source, kind, "" if kind == "clock" else own.of, own.span or 1.0, recordings, own.per_recording)
+    of = "" if kind == "clock" else names[0] if len(names) == 1 else tuple(names)
+    return SharedError(source, kind, of, own.span or 1.0, recordings, own.per_recording)
 
 
 def _kind(own: UncertaintyTable, table: SpecTable, problem: Problem) -> Kind:
     """What the error does; what `of` names decides which kinds there are."""
-    signals, of = problem.predictor.needs, own.of
-    if of in signals:
+    signals, names = problem.predictor.needs, _names(own)
+    other = next((n for n in names if n not in signals), None)
+    if other is None:
         if own.kind is None:
-            raise SpecError(f"kind is missing: say what the error does to {of!r}, one of {', '.join(map(repr, KINDS))}.")
+            raise SpecError(f"kind is missing: say what the error does to {names[0]!r}, one of {', '.join(map(repr, KINDS))}.")
+        _check_together(own, names, problem)
         return own.kind
-    if of != "clock":
-        _check_constant(of, table, problem)
+    if other != "clock":
+        _check_constant(other, table, problem)
+    what = "the clock" if other == "clock" else f"the parameter {other!r}"
+    if len(names) > 1:
+        raise SpecError(f"of names {what} among others; only signals share an error, write a table of its own for it.")
     if own.kind is not None:
-        what = "the clock" if of == "clock" else f"the parameter {of!r}"
         raise SpecError(f"kind = {own.kind!r} is for signals, and of names {what}; leave kind out.")
-    return "clock" if of == "clock" else "constant"
+    return "clock" if other == "clock" else "constant"
+
+
+def _names(own: UncertaintyTable) -> list[str]:
+    return [own.of] if isinstance(own.of, str) else own.of
+
+
+def _check_together(own: UncertaintyTable, names: list[str], problem: Problem) -> None:
+    """Signals that share one number must have it in one unit, but for a gain."""
+    found = {n: _unit(n, own.kind, problem) for n in names}
+    if len(set(found.values())) > 1:
+        units_said = ", ".join(f"{n} in {unit}" for n, unit in found.items())
+        raise SpecError(
+            f"one {own.kind} cannot be that of signals in different units ({units_said}); only a gain can, or write two tables."
+        )
 
 
 def _check_constant(of: str, table: SpecTable, problem: Problem) -> None:
     parameters = problem.space.parameters
     if of in table.model.constants:
         raise SpecError(
-            f"{of!r} stands among the constants of [model], which nothing may move; make it a parameter: [parameters.{of}] with value and unit."
+            f"{of!r} stands among the constants of [model], which nothing may move; make it a held parameter: "
+            f"[parameters.{of}] with value and unit."
         )
     if of not in parameters:
         held = [n for n, p in parameters.items() if p.value is not None and not p.shape]
@@ -113,14 +134,14 @@ def _check_size(own: UncertaintyTable) -> None:
 
 def _check_span(own: UncertaintyTable, kind: Kind) -> None:
     if kind in ("zero", "full scale") and own.span is None:
-        raise SpecError(f"kind = {kind!r} needs span: how far the sensor measures, in the unit of {own.of!r}.")
+        raise SpecError(f"kind = {kind!r} needs span: how far the sensor measures, in the unit of {_names(own)[0]!r}.")
     if kind == "gain" and own.span is not None:
         raise SpecError('a gain is a share of the reading, so that span says nothing; for a share of the span use kind = "full scale".')
     if kind in ("clock", "constant") and own.span is not None:
-        raise SpecError(f"span is for signals, and of names {own.of!r}; leave span out.")
+        raise SpecError(f"span is for signals, and of names {_names(own)[0]!r}; leave span out.")
 
 
-def _unit(of: str, kind: Kind, problem: Problem) -> str | None:
+def _unit(of: str, kind: Kind | None, problem: Problem) -> str | None:
     """The unit of the error."""
     if kind in ("gain", "clock"):
         return "1"
@@ -138,8 +159,9 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
             raise UnitError(f'a {kind} is relative, and {own.unit!r} is not: write unit = "%" or "ppm", or none for a plain share.')
         return units.factor_offset(own.unit, "1")[0]
     if kind == "constant":
-        p = problem.space.parameters[own.of]
-        beside = table.parameters[own.of].unit if own.of in table.parameters else None
+        name = _names(own)[0]
+        p = problem.space.parameters[name]
+        beside = table.parameters[name].unit if name in table.parameters else None
         return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # type: ignore[arg-type]
     return _absolute(own, own.unit, unit, own.span, "the span: give span")
 
@@ -154,9 +176,9 @@ def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whol
             raise SpecError(f"unit = {given!r} is a share of {of_what}, or give a number in {wanted or 'its unit'!r}.")
         return units.factor_offset(given, "1")[0] * whole
     if wanted is None:
-        raise UnitError(f"unit = {given!r}, but {own.of!r} has no unit; leave unit out, or give {own.of!r} one.")
+        raise UnitError(f"unit = {given!r}, but {_names(own)[0]!r} has no unit; leave unit out, or give {_names(own)[0]!r} one.")
     if not units.compatible(given, wanted):
-        raise UnitError(f"unit = {given!r} cannot be turned into {wanted!r}, the unit of {own.of!r}; correct one of them.")
+        raise UnitError(f"unit = {given!r} cannot be turned into {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them.")
     return units.factor_offset(given, wanted)[0]  # an uncertainty is a difference: 1 degC is 1 K
 
 

@@ -132,8 +132,8 @@ def propagate_by_monte_carlo(
         start = z.copy()
         for error, values in zip(errors, drawn, strict=True):
             recordings = _corrected(recordings, error, values[i])
-            if error.kind == "constant":
-                place = work.space.names.index(error.of)
+            if error.constant is not None:
+                place = work.space.names.index(error.constant)
                 start[place] += values[i, 0] / slope[place]
         point, _ = refit(work.with_recordings(recordings), start, free, FINE)
         found[i] = np.asarray(work.space.physical(np.clip(point + shaken[i], 0.0, 1.0)))
@@ -150,14 +150,14 @@ def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]
     """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
     z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
     bounds, held, known = {}, {}, problem.space.parameters
-    for name in dict.fromkeys(e.of for e in errors if e.kind == "constant" and e.of not in problem.space.names):
+    for name in dict.fromkeys(e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names):
         if name not in known or known[name].value is None or known[name].shape or known[name].tied is not None:
             raise SpaceError(
                 f"The constant {name!r} is no single number of the problem that is held at a value or free; give a parameter of that "
                 f"name a value, or bounds around it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
             )
         held[name] = value = float(known[name].value or 0.0)
-        stated = sum(e.source.standard for e in errors if e.kind == "constant" and e.of == name)
+        stated = sum(e.source.standard for e in errors if e.constant == name)
         reach = max(REACH * stated, 1e-9 * abs(value), 1e-12)
         bounds[name] = (max(value - reach, 0.0) if value > 0 else value - reach, value + reach)  # a mass or a delay stays one
     if not bounds:
@@ -169,7 +169,7 @@ def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]
 
 def _free(problem: Problem, errors: Sequence[SharedError]) -> np.ndarray:
     """Which coordinates (d,) the fit had free."""
-    constants = {e.of for e in errors if e.kind == "constant"}
+    constants = {e.constant for e in errors}
     return np.array([n not in constants for n in problem.space.names], dtype=bool)
 
 
@@ -192,8 +192,8 @@ def _solver(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, at: n
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:
     """Derivatives (m, r) of the residuals by the numbers of a shared error, the parameters held."""
-    if error.kind == "constant":
-        place = problem.space.names.index(error.of)
+    if error.constant is not None:
+        place = problem.space.names.index(error.constant)
         return (jacobian[:, place] / slope[place])[:, None]
     step = error.source.standard
     if step == 0.0:

@@ -21,17 +21,19 @@ def reading_budgets(problem: Problem, errors: Sequence[SharedError]) -> list[dic
     `expanded` (k = 2), `degrees_of_freedom` (None: many) and the `coverage_factor` of 95 %.
     """
     found = []
-    for of in dict.fromkeys(_subject(e) for e in errors):
-        own = [e for e in errors if _subject(e) == of]
+    for subject in dict.fromkeys(s for e in errors for s in _subjects(e)):
+        own = [e for e in errors if subject in _subjects(e)]
         for names in _groups(problem, own):
             here = [e for e in own if e.kind == "constant" or set(names) <= set(e.touches(tuple(problem.experiments)))]
-            found.append(_budget(problem, here, names, all_of_them=len(names) == len(problem.experiments)))
+            found.append(_budget(problem, *subject, here, names, all_of_them=len(names) == len(problem.experiments)))
     return found
 
 
-def _subject(error: SharedError) -> tuple[str, str]:
-    kind = error.kind if error.kind in ("clock", "constant") else "signal"
-    return kind, "clock" if kind == "clock" else error.of
+def _subjects(error: SharedError) -> list[tuple[str, str]]:
+    """What an error makes uncertain: kind and name."""
+    if error.kind == "clock":
+        return [("clock", "clock")]
+    return [("constant" if error.kind == "constant" else "signal", name) for name in error.names]
 
 
 def _groups(problem: Problem, errors: Sequence[SharedError]) -> list[list[str]]:
@@ -45,8 +47,7 @@ def _groups(problem: Problem, errors: Sequence[SharedError]) -> list[list[str]]:
     return [names for mine, names in groups.items() if mine]
 
 
-def _budget(problem: Problem, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool) -> dict[str, Any]:
-    kind, of = _subject(errors[0])
+def _budget(problem: Problem, kind: str, of: str, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool) -> dict[str, Any]:
     at, unit = _place(problem, errors, kind, of, names)
     reading = 0.0 if at is None else at
     sources = [dataclasses.replace(e.source, sensitivity=e.sensitivity(reading) if kind == "signal" else 1.0) for e in errors]

@@ -20,15 +20,26 @@ class SharedError:
 
     `kind` tells what it does: "offset" adds e to the signal `of`; "gain" multiplies the signal by 1 + e; "full scale" adds
     e y/span; "zero" adds e (1 - y/span); "clock" makes times 1 + e as long; "constant" adds e to the parameter `of`, one number for
-    all recordings that the problem holds at a value, or that is free in the problem but was held in the fit.
+    all recordings that the problem holds at a value, or that is free in the problem but was held in the fit. Several signals `of`
+    move together, as channels of one card with its reference do.
     """
 
     source: Source
     kind: Kind
-    of: str = ""
+    of: str | tuple[str, ...] = ""
     span: float = 1.0
     recordings: tuple[str, ...] | None = None
     per_recording: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The signals, or the parameter, that it is an error of."""
+        return (self.of,) if isinstance(self.of, str) else self.of
+
+    @property
+    def constant(self) -> str | None:
+        """The parameter that it is an error of, if it is one of a parameter."""
+        return self.names[0] if self.kind == "constant" else None
 
     def touches(self, recordings: Sequence[str]) -> tuple[str, ...]:
         """Those of the recordings that have it; raises RecordingError where one is named that is not there."""
@@ -49,9 +60,8 @@ class SharedError:
         if self.kind == "clock":
             first = recording.t[0]
             return Recording(first + (recording.t - first) / (1.0 + error), recording.signals, recording.name, recording.log)
-        without = self._without(recording[self.of], error)
-        values = Signal(without, recording.signals[self.of].unit)
-        return Recording(recording.t, {**recording.signals, self.of: values}, recording.name, recording.log)
+        moved = {n: Signal(self._without(recording[n], error), recording.signals[n].unit) for n in self.names}
+        return Recording(recording.t, {**recording.signals, **moved}, recording.name, recording.log)
 
     def _without(self, y: np.ndarray, error: float) -> np.ndarray:
         if self.kind == "offset":

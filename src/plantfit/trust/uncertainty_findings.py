@@ -38,7 +38,7 @@ def uncertainty_findings(
 def _of_row(row: Row, found: ParameterUncertainty, at: int | None, errors: Sequence[SharedError]) -> dict[str, Any] | None:
     """What is uncertain of one parameter; None where it has no standard error, and for held ones of which nothing is stated."""
     if at is None:
-        return _of_constant(row, [e for e in errors if e.kind == "constant" and e.of == row["name"]])
+        return _of_constant(row, [e for e in errors if e.constant == row["name"]])
     if row["standard_error"] is None or not found.combined[at] > 0:
         return None
     degrees = float(found.degrees_of_freedom[at])

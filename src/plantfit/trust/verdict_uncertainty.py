@@ -24,7 +24,7 @@ def uncertainty_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     interval = span([worst["uncertainty"]["low"], worst["uncertainty"]["high"]], worst["unit"])
     others = f"; they outweigh the noise in {len(shared)} of {len(rows)} parameters ({_names(shared)})" if len(rows) > 1 else ""
     text = (
-        f"With the stated errors the interval of {worst['name']} is {times:.2g} times as wide, {interval}, most of it from "
+        f"With the stated errors the interval of {worst['name']} is {times:.2g} times as wide, {interval}, "
         f"{_source(worst, findings['uncertainty']['budgets'])}{others}. More samples of the same set-up do not narrow that."
     )
     yield say("warning", text, widening=times, outweighed=len(shared))
@@ -40,11 +40,18 @@ def _names(rows: Sequence[Row]) -> str:
 
 
 def _source(p: Row, budgets: Sequence[Mapping[str, Any]]) -> str:
-    """`the gain of y (transducer)`: the source that a parameter has most from, and what it acts on."""
-    name = max(p["uncertainty"]["sources"], key=p["uncertainty"]["sources"].__getitem__)
-    budget, row = next((b, s) for b in budgets for s in b["sources"] if s["name"] == name)
+    """`most of it from the gain of y (transducer)`: the largest source of a parameter, and what it acts on."""
+    parts = p["uncertainty"]["sources"]
+    name = max(parts, key=parts.__getitem__)
+    much = "most of it" if 2.0 * parts[name] ** 2 > p["uncertainty"]["combined"] ** 2 else "the largest part"
+    return f"{much} from {_acting(name, budgets)}"
+
+
+def _acting(name: str, budgets: Sequence[Mapping[str, Any]]) -> str:
+    having = [(b, s) for b in budgets for s in b["sources"] if s["name"] == name]
+    budget, row = having[0]
     if budget["kind"] == "clock":
         return "the clock" if name == "clock" else f"the clock ({name})"
     if budget["kind"] == "constant":
         return f"the value of {budget['of']} ({name})"
-    return f"the {row['acts']} of {budget['of']} ({name})"
+    return f"the {row['acts']} of {some(list(dict.fromkeys(b['of'] for b, _ in having)))} ({name})"
