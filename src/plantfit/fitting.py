@@ -23,6 +23,7 @@ from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 from plantfit.trust.assess import EDGE, assess
 from plantfit.trust.local import linearise
+from plantfit.trust.parameter_uncertainty import check_errors
 from plantfit.trust.shared_error import SharedError
 from plantfit.trust.smoothing_strength import choose_strengths
 
@@ -119,6 +120,7 @@ def fit(
     and unstable records (docs/long-records.md); the search then begins at what it found. `errors` of
     instruments and `draws` are for the intervals (docs/uncertainty.md). Raises SearchError when no candidate could be simulated.
     """
+    check_errors(problem, errors)
     started = time.perf_counter()
     problem = prepare(problem)
     prepared = time.perf_counter()

@@ -7,9 +7,11 @@ import pytest
 from scipy.stats import t as student
 
 import plantfit as pf
-from plantfit.models import LinearModel
+from plantfit.errors import RecordingError, SpaceError
+from plantfit.models import LinearModel, dc_motor
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.simulate import Simulator
 from plantfit.trust import assess, propagate, propagate_by_monte_carlo
 from plantfit.trust.local import linearise
 from plantfit.trust.reading_budgets import reading_budgets
@@ -148,6 +150,20 @@ def test_few_repeats_widen_the_interval(problem):
     assert found.degrees_of_freedom[1] > 1e6
 
 
+def test_errors_of_what_is_not_there_are_refused_before_the_search(problem):
+    def never(progress):
+        raise AssertionError("the search began")
+
+    for error, what, said in (
+        (dataclasses.replace(GAIN, of="w"), RecordingError, "no signal 'w'"),
+        (dataclasses.replace(GAIN, of=("y", "w")), RecordingError, "no signal 'w'"),
+        (dataclasses.replace(GAIN, recordings=("other",)), RecordingError, "names recording 'other'"),
+        (dataclasses.replace(BRIDGE, of="d"), SpaceError, "The constant 'd' is no single number"),
+    ):
+        with pytest.raises(what, match=said):
+            pf.fit(problem, errors=[error], budget=400, progress=never)
+
+
 def test_monte_carlo_is_that_of_python(problem):
     answer = pf.fit(problem, errors=[GAIN, BRIDGE], draws=60, seed=5, budget=400)
     found = propagate_by_monte_carlo(answer.problem, answer, answer.errors, draws=60, seed=5)
@@ -244,3 +260,24 @@ def test_intervals_with_a_held_constant_and_few_repeats_hold_what_they_promise()
         short.append((np.abs(found.values - truth) <= 1.96 * found.combined)[free])
     assert np.all(np.mean(inside, axis=0) >= 0.92), np.mean(inside, axis=0)
     assert np.mean(short, axis=0)[0] < 0.88
+
+
+def test_the_reference_of_voltage_and_current_scales_a_motor_as_its_units_say():
+    """V and i by 1 + e: R = V/i stays, K goes with e, and torques K i, with them inertia and friction, with 2 e."""
+    model = dc_motor(tied=True, current_output=True)
+    truth = {"Rm": 2.0, "Lm": 2e-3, "Kb": 0.05, "Jm": 2e-5, "Cm": 1e-5, "Tf": 3e-3}
+    rng, t = np.random.default_rng(0), 0.005 * np.arange(300)
+    volts = np.repeat(rng.uniform(-6.0, 6.0, 10), 30)
+    simulator = Simulator.of(model, substeps=16)
+    y = simulator.outputs(truth, simulator.drive(t, {"V": volts}, measured={"w": np.zeros(300), "i": np.zeros(300)}))
+    noisy = {"w": np.asarray(y["w"]) + 0.1 * rng.standard_normal(300), "i": np.asarray(y["i"]) + 0.01 * rng.standard_normal(300)}
+    run = Recording(t, {"V": Signal(volts, "V"), "w": Signal(noisy["w"], "rad/s"), "i": Signal(noisy["i"], "A")}, "run")
+    box = {"Rm": (0.2, 20.0), "Kb": (0.005, 0.5), "Jm": (1e-6, 1e-3), "Cm": (1e-7, 1e-3), "Tf": (1e-4, 1e-1), "Lm": truth["Lm"]}
+    problem = Problem(model, run, box, substeps=4)
+    start = problem.space.cube(problem.space.vector({n: 1.3 * v for n, v in truth.items() if n != "Lm"}))
+    z, _ = refit(problem, start, np.ones(5, bool), 1e-10)
+    reference = SharedError(type_b("reference", 0.01), "gain", ("V", "i"))
+    found = propagate(problem, z, [reference])
+    powers = {"Rm": 0, "Kb": 1, "Jm": 2, "Cm": 2, "Tf": 2}
+    relative = found.systematic["reference"] / found.values / reference.source.standard
+    assert dict(zip(found.names, relative, strict=True)) == pytest.approx(powers, abs=0.05)

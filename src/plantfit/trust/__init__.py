@@ -17,6 +17,7 @@ from plantfit.trust.openings import Measurement, Openings, openings
 from plantfit.trust.parameter_uncertainty import ParameterUncertainty, SharedError, propagate, propagate_by_monte_carlo
 from plantfit.trust.possible import Possible, nearest_possible
 from plantfit.trust.profile import Profile, profile
+from plantfit.trust.reading_budgets import reading_budgets
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
 from plantfit.trust.screening import Screening, morris
@@ -68,6 +69,7 @@ __all__ = [
     "profile",
     "propagate",
     "propagate_by_monte_carlo",
+    "reading_budgets",
     "regression_covariance",
     "sobol_indices",
     "type_a",

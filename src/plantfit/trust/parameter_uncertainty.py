@@ -146,16 +146,30 @@ def propagate_by_monte_carlo(
     )._of(keep)
 
 
-def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[Problem, np.ndarray]:
-    """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
-    z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
-    bounds, held, known = {}, {}, problem.space.parameters
-    for name in dict.fromkeys(e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names):
-        if name not in known or known[name].value is None or known[name].shape or known[name].tied is not None:
+def check_errors(problem: Problem, errors: Sequence[SharedError]) -> None:
+    """Raises SpaceError for a "constant" that is no single number of the problem, RecordingError for unknown signals and recordings."""
+    known = problem.space.parameters
+    for error in errors:
+        name, touched = error.constant, error.touches(tuple(problem.experiments))
+        if name is None:
+            for recording in touched if error.kind != "clock" else ():
+                for signal in error.names:
+                    problem.experiments[recording].recording[signal]
+        elif name not in problem.space.names and (
+            name not in known or known[name].value is None or known[name].shape or known[name].tied is not None
+        ):
             raise SpaceError(
                 f"The constant {name!r} is no single number of the problem that is held at a value or free; give a parameter of that "
                 f"name a value, or bounds around it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
             )
+
+
+def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[Problem, np.ndarray]:
+    """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
+    check_errors(problem, errors)
+    z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
+    bounds, held, known = {}, {}, problem.space.parameters
+    for name in dict.fromkeys(e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names):
         held[name] = value = float(known[name].value or 0.0)
         stated = sum(e.source.standard for e in errors if e.constant == name)
         reach = max(REACH * stated, 1e-9 * abs(value), 1e-12)
