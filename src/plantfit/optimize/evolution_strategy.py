@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 LARGE = 300  # dimension from which the step size follows two points instead of a path, and bounds fold back
+NEAR, NEAR_LARGE = 0.4, 0.1  # length of a first step around a warm start, in ranges; the latter from LARGE on
 WIDEST = 1 / 3  # largest standard deviation of a coordinate
 
 
@@ -80,7 +81,11 @@ class EvolutionStrategy(ABC):
     needs: ClassVar[Needs] = Needs(minimum_population=4)
     population: int | None = integer(None, 4, 100_000, "candidates per generation; by default 4 + 3 ln(d)")
     sigma: float | None = number(
-        None, 1e-6, 1.0, "first step size, as a share of each range; by default 0.3, around a warm start 0.4 / sqrt(d) and at most 0.2"
+        None,
+        1e-6,
+        1.0,
+        "first step size, as a share of each range; by default 0.3, around a warm start 0.4 / sqrt(d), 0.1 / sqrt(d) from 300 parameters, "
+        "and at most 0.2",
     )
     restarts: int = integer(9, 0, 1_000_000, "how many times the search may begin anew, anywhere, after it converged")
     bounds: str = choice(
@@ -99,7 +104,8 @@ class EvolutionStrategy(ABC):
         n, rows = facts.dimension, self.rows(facts)
         zeros = jnp.zeros(n)
         cold = jnp.asarray(0.3 if self.sigma is None else self.sigma, float)
-        warm = jnp.asarray(min(0.2, 0.4 / math.sqrt(n)) if self.sigma is None else self.sigma, float)
+        near = NEAR_LARGE if n >= LARGE else NEAR
+        warm = jnp.asarray(min(0.2, near / math.sqrt(n)) if self.sigma is None else self.sigma, float)
         given = facts.start is not None and len(facts.start) > 0
         mean = jnp.clip(jnp.asarray(facts.start[0], float), 0.0, 1.0) if given else jax.random.uniform(key, (n,))  # type: ignore[index]
         sigma = warm if given else cold
