@@ -33,3 +33,15 @@ def test_nothing_open_is_said():
         open_answers(problem(free=False), np.array([0.4]), 3)
     with pytest.raises(SearchError, match="count = 0"):
         open_answers(problem(free=True), np.array([0.4, 0.5]), 0)
+
+
+def test_copies_stay_as_near_as_the_cost_allows():
+    p = problem(free=True)
+    at = np.array([0.4, 0.5])  # a = 2
+    drawn = open_answers(p, at, 200, known=1.1, worst=3.0, seed=2)  # both count as open
+    costs = np.asarray(p.costs(drawn))
+    assert np.all(costs <= 3.0 * float(p.cost(at)))
+    assert np.median(costs) > 1.05 * float(p.cost(at))  # none is nearer than it has to be by more than a half
+    assert drawn[:, 0].std() > 1e-4
+    with pytest.raises(SearchError, match=r"worst = 0\.5"):
+        open_answers(p, at, 3, worst=0.5)

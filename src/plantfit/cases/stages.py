@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from plantfit.optimize.progress import Progress
@@ -28,3 +28,11 @@ def stages(names: tuple[str, ...], progress: Callable[[Any], None] | None) -> Ca
             progress(Stage(done, len(names), float(done), float(len(names)), math.inf, seconds, None, method=name))
 
     return begins
+
+
+def within(name: str, progress: Callable[[Any], None] | None) -> Callable[[Progress], None] | None:
+    """For a search inside a part: tells `progress` how far it is, under `name`."""
+    if progress is None:
+        return None
+    tell = progress
+    return lambda p: tell(Stage(**{f.name: getattr(p, f.name) for f in fields(Progress)}, method=name, unit="run"))

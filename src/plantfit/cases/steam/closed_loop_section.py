@@ -15,6 +15,7 @@ from plantfit.trust.open_answers import open_answers
 
 DEMAND = Demand(overshoot=5.0, travel=1500.0)
 GOOD = 20.0  # answers up to so many times the least cost count as models
+WORST = 2.0  # copies may have so many times that cost
 DRAWN = 36  # members with their open cells drawn anew
 ONE, ALL = "best model", "family"
 
@@ -31,12 +32,12 @@ def closed_loop_section(
 ) -> dict[str, Any]:
     """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best` is the nominal model.
 
-    The family: answers of at most 20 times the cost of `best`, and `drawn` copies of it whose open cells are drawn anew; every third
-    member is held out from the tuning. `truth` gives the tables of an opening, as a rig's.
+    The family: answers of at most 20 times the cost of `best`, and `drawn` copies of it whose open cells are drawn anew, as far from
+    it as twice its cost allows; every third member is held out from the tuning. `truth` gives the tables of an opening, as a rig's.
     """
     costs = np.asarray(problem.costs(np.stack([best, *answers.values()])))
     good = [z for z, cost in zip(answers.values(), costs[1:], strict=True) if cost <= GOOD * costs[0]]
-    points = [*good, *open_answers(problem, np.asarray(best), drawn, known=1e-2, seed=seed)]
+    points = [*good, *open_answers(problem, np.asarray(best), drawn, known=1e-2, worst=WORST, seed=seed)]
     spread = np.asarray(problem.costs(np.stack(points)))
     out, kept = points[::3], [z for i, z in enumerate(points) if i % 3]
     nominal, tuning, held = (plants_of(problem, chosen) for chosen in ([best], kept, out))

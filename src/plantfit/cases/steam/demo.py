@@ -9,12 +9,13 @@ import numpy as np
 from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file
 from plantfit.cases.record import figure, record
-from plantfit.cases.stages import stages
+from plantfit.cases.stages import stages, within
 from plantfit.cases.steam.adaptive_bdf import Background
 from plantfit.cases.steam.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
     METHODS,
+    POLISHED,
     RANDOM,
     MethodRuns,
     finely,
@@ -81,8 +82,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         found = []
         for m in chosen:
             begins(m.label)
-            found.append(method_runs(problem, m, static, RUNS[full], BUDGET[full], SEED))
-        alone = _opening_by_opening(problem, recordings, static) if full else {}
+            found.append(method_runs(problem, m, static, RUNS[full], BUDGET[full], SEED, within(m.label, progress)))
+        alone = _opening_by_opening(problem, recordings, static, progress) if full else {}
         answer = fit_file(file, progress)
         finite = differences.result()
     if not full:
@@ -101,7 +102,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         dynamic_section(found, problem, static, floor, slopes, BUDGET[full], not full),
         answers_section(finely(problem), shown, truth_of(runs), _intervals(answer)),
         *([readings_section(found, alone, floor)] if full else []),
-        *_meaning_sections(problem, best, answer, runs, full, begins),
+        *_meaning_sections(finely(problem, POLISHED), best, answer, runs, full, begins),
     ]
     return record(
         "steam",
@@ -178,12 +179,14 @@ def static_point(problem: Problem, recordings: Mapping[str, Recording]) -> tuple
     return tables_from_static(problem, values), total_cost(constants, found.x)
 
 
-def _opening_by_opening(problem: Problem, recordings: Mapping[str, Recording], static: np.ndarray) -> dict[int, list[MethodRuns]]:
+def _opening_by_opening(
+    problem: Problem, recordings: Mapping[str, Recording], static: np.ndarray, progress: Callable[[Any], None] | None
+) -> dict[int, list[MethodRuns]]:
     """The paper's methods on each opening alone, by the evaluations of a search."""
     problems = opening_problems(recordings)
     begin = {n: static[problem.space.local(n)] for n in recordings}
     chosen = [m for m in METHODS if m.start == BOX or m.label == "CMA-ES"]
-    return {n: [opening_runs(recordings, m, begin, RUNS[1], n, SEED, problems) for m in chosen] for n in ALONE}
+    return {n: [opening_runs(recordings, m, begin, RUNS[1], n, SEED, problems, progress) for m in chosen] for n in ALONE}
 
 
 def _intervals(answer: Answer) -> dict[str, tuple[float, float]]:

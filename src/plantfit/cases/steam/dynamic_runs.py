@@ -1,13 +1,14 @@
 """The dynamic task: 310 parameters searched by the paper's five methods, and with exact derivatives."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.cases.stages import within
 from plantfit.cases.steam.adaptive_bdf import Descent, Descents, Step
 from plantfit.cases.steam.problems import dynamic_problem
 from plantfit.errors import Status
@@ -72,7 +73,9 @@ class MethodRuns:
         return min(self.runs, key=lambda r: r.cost)
 
 
-def method_runs(problem: Problem, method: Method, static: np.ndarray, runs: int, budget: int, seed: int) -> MethodRuns:
+def method_runs(
+    problem: Problem, method: Method, static: np.ndarray, runs: int, budget: int, seed: int, progress: Callable[[Any], None] | None = None
+) -> MethodRuns:
     """Runs of a method on a `weighted` dynamic problem; `static` (d,) is where the local ones begin.
 
     Final costs are those at `CHECKED` steps a sample: a search that fits 310 numbers to the noise fits them to errors of its steps too.
@@ -82,7 +85,8 @@ def method_runs(problem: Problem, method: Method, static: np.ndarray, runs: int,
         objective = dataclasses.replace(objective, start=static[None])
     count = 1 if method.drawless else runs
     kept = budget // 10 if method.polish else 0
-    found = minimise(objective, method.name, runs=count, budget=budget - kept, seed=seed, settings=dict(method.settings))
+    settings = dict(method.settings)
+    found = minimise(objective, method.name, runs=count, budget=budget - kept, seed=seed, settings=settings, progress=progress)
     if kept:
         found = [_polished(problem, r, kept) for r in found]
     checked = finely(problem).costs(np.array([r.x for r in found]))
@@ -116,13 +120,15 @@ def opening_runs(
     budget: int,
     seed: int,
     problems: Mapping[str, Problem] | None = None,
+    progress: Callable[[Any], None] | None = None,
 ) -> MethodRuns:
     """The same opening by opening: ten searches of 31 parameters with `budget` each, their costs summed over runs of the same seed.
 
     `x` of the summed runs holds the openings one after the other, 31 coordinates each.
     """
     problems = problems or opening_problems(recordings)
-    each = [method_runs(problems[n], method, static[n], runs, budget, seed).runs for n in recordings]
+    told = {n: within(f"{method.label}, {n} alone", progress) for n in recordings}
+    each = [method_runs(problems[n], method, static[n], runs, budget, seed, told[n]).runs for n in recordings]
     return MethodRuns(method.label, method.start, tuple(summed(same) for same in zip(*each, strict=True)))
 
 
