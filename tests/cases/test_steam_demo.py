@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 import plantfit.runtime  # noqa: F401
+from plantfit.cases.beside import Beside
 from plantfit.cases.files import unpack
 from plantfit.cases.registry import demos
 from plantfit.cases.steam import adaptive_bdf as bdf
@@ -28,7 +29,7 @@ from plantfit.cases.steam.dynamic_runs import (
 )
 from plantfit.cases.steam.dynamic_section import PAPER, Slopes, dynamic_section, readings_section, slope_sentences, table_2, tables_of
 from plantfit.cases.steam.problems import dynamic_problem, opening_costs, total_cost
-from plantfit.errors import Status
+from plantfit.errors import SimulationError, Status
 from plantfit.optimize.contract import RunResult
 from plantfit.report.case_page import render_case_page
 from plantfit.rig.steam_chamber import NODES, SteamChamberRig
@@ -152,11 +153,16 @@ def test_descent_ends_with_its_budget():
 
 
 def test_the_process_of_its_own_gives_the_same():
-    with bdf.Background(smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), np.full(62, 0.3), 64, 0) as made:
+    with Beside(bdf.descents, smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), np.full(62, 0.3), 64, 0) as made:
         found = made.result()
     np.testing.assert_array_equal(
         found.slopes, bdf.Cost(smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), bdf.Solver(), 100).differences(np.full(62, 0.3))
     )
+
+
+def test_a_process_that_fails_says_why():
+    with Beside(bdf.descents, 1) as made, pytest.raises(SimulationError, match=r"descents failed .*TypeError"):
+        made.result()
 
 
 def result(costs, evaluations, x=(0.0,)) -> RunResult:

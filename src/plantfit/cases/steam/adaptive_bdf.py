@@ -3,20 +3,13 @@
 Plain floats and no jax, so that a process of its own starts at once.
 """
 
-import pickle
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
-
-from plantfit.errors import SimulationError
 
 TOP, SEGMENTS = 20.0, 9  # bar; equal pieces of the tables on [0, TOP]
 OWN = 31  # coordinates of an opening: k[10], A1[10], A2[10], Td
@@ -179,35 +172,3 @@ def descents(steps: Sequence[Step], lower: np.ndarray, upper: np.ndarray, start:
     whole = descend(Cost(steps, lower, upper, solver, together), start)
     each = [descend(Cost([s], lower, upper, solver, alone), start[OWN * i : OWN * (i + 1)]) for i, s in enumerate(steps) if alone]
     return Descents(slopes, whole, tuple(each), time.process_time() - began)
-
-
-class Background:
-    """`descents` in a process of its own, on the core that the searches leave free; leaving the context ends it."""
-
-    def __init__(self, *arguments: Any):
-        # a plain command, because multiprocessing would run the user's script again
-        command = [sys.executable, "-c", f"from {__name__} import answer_pipe; answer_pipe()"]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        self._reader = ThreadPoolExecutor(1)
-        self._answer = self._reader.submit(self._process.communicate, pickle.dumps(arguments))
-
-    def result(self) -> Descents:
-        """Waits for it. Raises SimulationError with what the process said where it failed."""
-        out, error = self._answer.result()
-        if self._process.returncode:
-            said = (error.decode(errors="replace").strip().splitlines() or ["no word"])[-1]
-            raise SimulationError(f"Finite differences through BDF failed in a process of their own ({said}); run the demo again.")
-        return pickle.loads(out)
-
-    def __enter__(self) -> "Background":
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        if self._process.poll() is None:
-            self._process.terminate()
-        self._reader.shutdown()
-
-
-def answer_pipe() -> None:
-    """`descents` of the pickled arguments at standard input, pickled to standard output."""
-    sys.stdout.buffer.write(pickle.dumps(descents(*pickle.loads(sys.stdin.buffer.read()))))

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.cases.beside import Beside
 from plantfit.cases.files import unpack
 from plantfit.cases.fitting import fit_file
 from plantfit.cases.record import figure, record
 from plantfit.cases.stages import stages, within
-from plantfit.cases.steam.adaptive_bdf import Background
+from plantfit.cases.steam.adaptive_bdf import descents
 from plantfit.cases.steam.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
@@ -60,6 +61,7 @@ DELAY_SEEDS = range(1, 21)
 VISITED = ("k[2]", "k[5]", "k[7]", "A1[2]", "A1[5]", "A2[2]", "A2[5]", "Td")  # entries whose uncertainty is shown
 PARTS = ("dead times and uncertainty", "screening", "tables", "closed loop")
 SMALL = ("CMA-ES", "DISH", "HMS", "SHADE", "L-BFGS-B, exact")  # methods of the small demo
+NOMINAL = "L-BFGS-B, exact"  # for control: at the noise floor, and as smooth as the static solution it begins at
 RESTARTED = "least squares, exact, random starts"
 EXACT = "exact derivatives"
 
@@ -78,7 +80,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     static, static_cost = static_point(problem, recordings)
     own = order_of(problem)
     lower, upper = problem.space.lower[own][:31], problem.space.upper[own][:31]
-    with Background(steps_of(recordings), lower, upper, static[own], FINITE_BUDGET[full], ALONE[0] if full else 0) as differences:
+    bdf = steps_of(recordings), lower, upper, static[own], FINITE_BUDGET[full], ALONE[0] if full else 0
+    with Beside(descents, *bdf) as differences, Beside(constants_sections, runs, full) as constants:
         found = []
         for m in chosen:
             begins(m.label)
@@ -86,6 +89,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         alone = _opening_by_opening(problem, recordings, static, progress) if full else {}
         answer = fit_file(file, progress)
         finite = differences.result()
+        begins("dead times and uncertainty")
+        constant_sections, delays = constants.result()
     if not full:
         found.append(MethodRuns(RESTARTED, RANDOM, tuple(answer.runs)))
     together, each = finite_runs(problem, finite, SEED)
@@ -96,9 +101,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
     shown = {"static solution": static, **{n: best[n] for n in ("CMA-ES", "DISH", "HMS")}, EXACT: answer.best.x}
     floor = noise_floor(rig, len(runs))
-    constants, delays = _constants_sections(runs, full, begins)
     sections = [
-        *constants,
+        *constant_sections,
         dynamic_section(found, problem, static, floor, slopes, BUDGET[full], not full),
         answers_section(finely(problem), shown, truth_of(runs), _intervals(answer)),
         *([readings_section(found, alone, floor)] if full else []),
@@ -119,12 +123,9 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     )
 
 
-def _constants_sections(
-    runs: Mapping[str, RigRun], full: bool, begins: Callable[[str], None]
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def constants_sections(runs: Mapping[str, RigRun], full: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The static task and the uncertainty of what is measured and found; and figures of the dead times."""
     recordings = {n: r.recording for n, r in runs.items()}
-    begins("dead times and uncertainty")
     tasks = [joint(recordings), two_step(recordings)]
     tasks += [two_step_by(recordings, m) for m in ("cmaes", "lbfgsb") if full]
     study = [delay_study(0.05, 12, u, DELAY_SEEDS) for u in (10.0, 40.0, 100.0) if full]
@@ -162,7 +163,8 @@ def _meaning_sections(
         begins("tables")
         sections.append(tables_section({n: r.recording for n, r in runs.items()}, truth_of(runs)))
         begins("closed loop")
-        sections.append(closed_loop_section(problem, best, answer.best.x, smooth_truth, seed=SEED))
+        others = {n: z for n, z in best.items() if n != NOMINAL} | {EXACT: answer.best.x}
+        sections.append(closed_loop_section(problem, others, best[NOMINAL], smooth_truth, seed=SEED))
     return sections
 
 
