@@ -54,12 +54,13 @@ class Layout:
                     a = jnp.broadcast_to(jnp.expand_dims(a, 0), (self.batch[axis], *a.shape))
                     place = {k: v + 1 for k, v in place.items()} | {axis: 0}
                     count += 1
-        order = [place[x] for x in (*self.group_axes, *self.lane_axes) if x in place]
-        a = jnp.transpose(a, (*range(count, a.ndim), *order))
+        # one transposition, so that it vanishes where it undoes another
+        over, beside = ([place[x] for x in axes if x in place] for axes in (self.group_axes, self.lane_axes))
+        inner = range(count, a.ndim)
+        a = jnp.transpose(a, (*over, *inner, *beside) if rows else (*inner, *over, *beside))
         groups = math.prod(self.batch[x] for x in self.group_axes if x in place)
         lanes = math.prod(self.batch[x] for x in self.lane_axes if x in place)
-        a = a.reshape(*core, groups, lanes)
-        return jnp.moveaxis(a, -2, 0) if rows else a
+        return a.reshape(*((groups, *core, lanes) if rows else (*core, groups, lanes)))
 
     def buffer(self, core: tuple[int, ...], dtype: Any, rows: bool) -> Any:
         """Shape of a result as the kernel writes it."""
@@ -68,11 +69,14 @@ class Layout:
 
     def restore(self, a: Any, rank: int, rows: bool) -> Any:
         """The inverse of `arrange` for an array that varies over the whole batch."""
-        a = jnp.moveaxis(a, 0, -2) if rows else a
-        core = a.shape[:rank]
-        a = a.reshape(*core, *(self.batch[x] for x in (*self.group_axes, *self.lane_axes)))
-        order = (*self.group_axes, *self.lane_axes)
-        return jnp.transpose(a, (*(rank + order.index(x) for x in range(len(self.batch))), *range(rank)))
+        core = a.shape[1:-1] if rows else a.shape[:-2]
+        over, beside = ([self.batch[x] for x in axes] for axes in (self.group_axes, self.lane_axes))
+        a = a.reshape(*((*over, *core, *beside) if rows else (*core, *over, *beside)))
+        first = len(over) if rows else 0  # where the core begins
+        inner = range(first, first + rank)
+        outer = [i for i in range(a.ndim) if i not in inner]
+        axes = (*self.group_axes, *self.lane_axes)
+        return jnp.transpose(a, (*(outer[axes.index(x)] for x in range(len(self.batch))), *inner))
 
 
 def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:

@@ -13,7 +13,8 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.batch import Batch
-from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule
+from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule, rows_first
+from plantfit.simulate.side_by_side import squares_side_by_side
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.space import Space
 
@@ -22,12 +23,14 @@ import jax.numpy as jnp
 
 WIDE = 256  # candidates that run side by side
 WIDE_GRADIENTS = 20
+FEW = 5  # candidates below which the lanes of the machine code run over records as well
 
 
 class Numbers(NamedTuple):
     """What compiled functions need and that is not compiled in; a pytree."""
 
     rows: Chunks
+    turned: Chunks  # the same, `rows_first`
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
     scale: tuple[Any, ...]  # per output
@@ -85,6 +88,7 @@ class Batched:
         first = [drives[n] for n in self.names]
         return Numbers(
             self.rows.chunks,
+            rows_first(self.rows.chunks),
             tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
             tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
             tuple(np.asarray(scales[o]) for o in self.simulator.vector.outputs),
@@ -111,13 +115,25 @@ class Batched:
 
     def costs(self, zs: Any, numbers: Numbers) -> Any:
         """Costs (n,) of cube points (n, d)."""
-        return jax.lax.map(lambda z: self.cost(z, numbers), zs, batch_size=min(zs.shape[0], WIDE))
+        return _in_groups(lambda z: self._costs(z, numbers), zs, WIDE)
 
     def values_and_gradients(self, zs: Any, numbers: Numbers) -> tuple[Any, Any]:
         """Costs (n,) and gradients (n, d)."""
-        return jax.lax.map(
-            lambda z: jax.value_and_grad(self.cost)(z, numbers, reverse=True), zs, batch_size=min(zs.shape[0], WIDE_GRADIENTS)
-        )
+
+        def both(z):
+            costs, pull = jax.vjp(lambda z: self._costs(z, numbers), z)
+            return costs, pull(jnp.ones_like(costs))[0]
+
+        return _in_groups(both, zs, WIDE_GRADIENTS)
+
+    def _costs(self, zs: Any, numbers: Numbers) -> Any:
+        """Costs (n,) of cube points (n, d), side by side; differentiable backwards."""
+        if zs.shape[0] < FEW or not Batch(self.simulator, self.rows.windows).few_edges(numbers.rows):
+            return jax.vmap(lambda z: self.cost(z, numbers, reverse=True))(zs)
+        p, x0 = jax.vmap(lambda z: self._start(z[self.local], numbers), out_axes=-1)(zs)
+        p = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2), p)
+        squares = squares_side_by_side(self.simulator, self.rows.windows, p, x0, numbers.turned, numbers.weight)
+        return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
 
     def residuals(self, z: Any, numbers: Numbers) -> Any:
         """Scaled residuals (m,), recording by recording, output by output."""
@@ -201,6 +217,16 @@ class Batched:
     def _placed(self, local, numbers: Numbers):
         p, x0 = self._start(local, numbers)
         return Batch(self.simulator, self.rows.windows).residuals(p, x0, numbers.rows)
+
+
+def _in_groups(function: Any, zs: Any, most: int) -> Any:
+    """`function` of cube points (n, d), of at most so many at once."""
+    whole, rest = divmod(zs.shape[0], most)
+    if not whole or (whole == 1 and not rest):
+        return function(zs)
+    grouped = jax.lax.map(function, zs[: whole * most].reshape(whole, most, -1))
+    first = jax.tree.map(lambda a: a.reshape(whole * most, *a.shape[2:]), grouped)
+    return first if not rest else jax.tree.map(lambda a, b: jnp.concatenate([a, b]), first, function(zs[whole * most :]))
 
 
 def _flat(picked: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:

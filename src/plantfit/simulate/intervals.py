@@ -4,7 +4,7 @@ An interval with edges of delayed inputs is cut at them, in straight code withou
 """
 
 from collections.abc import Callable
-from functools import partial, wraps
+from functools import partial, reduce, wraps
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -124,16 +124,13 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
 
 
 @_kept
-def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
-    """`run(p, x, rows, around) -> (x, totals)`: the states after all intervals of one row, and the sums of squares by output.
-
-    With `reverse` it can be differentiated backwards by p and x: the states are kept, and one loop backwards pulls the
-    adjoint through each interval and adds up the gradient.
-    """
+def kept_sums(simulator: Simulator, edges: bool) -> Callable:
+    """`run(p, x, rows, around, keep) -> ((x, totals), before)`: the states after all intervals of one row and the sums of squares by
+    output; with `keep` the states before every interval too, a tuple of (C,)."""
     advance = interval(simulator, edges)
 
     @partial(jax.jit, static_argnums=4, inline=True)
-    def loop(p, x, rows: Row, around, keep: bool):
+    def run(p, x, rows: Row, around, keep: bool):
         def body(carry, row):
             before, totals = carry
             x, residuals = advance(p, before, row, around)
@@ -142,8 +139,40 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
         totals = tuple(jnp.zeros(()) for _ in rows.measured)
         return native_scan(body, (x, totals), rows, keep=keep, fallback=True)
 
+    return run
+
+
+@_kept
+def pulled_back(simulator: Simulator, edges: bool) -> Callable:
+    """`pull(p, before, rows, around, adjoint, weights, gradient) -> (gradient, adjoint)`: backwards through the intervals of one row.
+
+    `before` as `kept_sums` keeps it, `weights` the derivatives by the totals, `adjoint` those by the states: after the row, then before
+    it. The derivatives by p are added to `gradient`, a tree like p.
+    """
+    advance = interval(simulator, edges)
+
+    @partial(jax.jit, inline=True)
+    def pull(p, before, rows: Row, around, adjoint, weights, gradient):
+        def body(carry, step):
+            adjoint, gradient = carry
+            x, row = step
+            (_, residuals), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
+            dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals, strict=True))))
+            return (dx, jax.tree.map(jnp.add, gradient, dp)), None
+
+        (adjoint, gradient), _ = native_scan(body, (adjoint, gradient), (before, rows), reverse=True, fallback=True)
+        return gradient, adjoint
+
+    return pull
+
+
+@_kept
+def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
+    """`run(p, x, rows, around) -> (x, totals)` of `kept_sums`; with `reverse` it can be differentiated backwards by p and x."""
+    loop = kept_sums(simulator, edges)
     if not reverse:
         return lambda p, x, rows, around: loop(p, x, rows, around, False)[0]
+    pull = pulled_back(simulator, edges)
 
     @jax.custom_vjp
     def run(p, x, rows, around):
@@ -153,20 +182,9 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
         ended, before = loop(p, x, rows, around, True)
         return ended, (p, before, rows, around)
 
-    @partial(jax.jit, inline=True)
     def backwards(saved, cotangents):
         p, before, rows, around = saved
-        adjoint, weights = cotangents
-
-        def body(carry, step):
-            adjoint, gradient = carry
-            x, row = step
-            (_, residuals), pull = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
-            dp, dx = pull((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals, strict=True))))
-            return (dx, jax.tree.map(jnp.add, gradient, dp)), None
-
-        nothing = jax.tree.map(jnp.zeros_like, p)
-        (dx, dp), _ = native_scan(body, (adjoint, nothing), (before, rows), reverse=True, fallback=True)
+        dp, dx = pull(p, before, rows, around, *cotangents, jax.tree.map(jnp.zeros_like, p))
         return dp, dx, None, None
 
     run.defvjp(forwards, backwards)
@@ -201,6 +219,11 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
         return native_scan(body, (x, s), rows, keep=True, fallback=True)
 
     return run
+
+
+def over_rows(values: Any) -> Any:
+    """The sum of (R,) or (R, n) over rows, one after the other: the same bits for any n."""
+    return reduce(jnp.add, [values[i] for i in range(values.shape[0])])
 
 
 def _unit(zeros: tuple[float, ...], i: int) -> tuple[float, ...]:

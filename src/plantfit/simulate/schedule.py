@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import plantfit.runtime  # noqa: F401
 from plantfit.simulate.simulator import Drive
+
+import jax
 
 SIZES = (64, 128, 256, 512, 1024, 2048, 4096)
 PADDING = 0.2  # largest share of steps that only fill up rows
@@ -50,6 +53,11 @@ class Chunks(NamedTuple):
     knots: tuple[Knots, ...]  # per delayed channel
     measured: tuple[Any, ...]
     scored: tuple[Any, ...]  # bool
+
+
+def rows_first(chunks: Chunks) -> Chunks:
+    """The same numbers with rows before intervals: (M, R, C) for (M, C, R)."""
+    return jax.tree.map(lambda a: np.ascontiguousarray(np.swapaxes(a, 1, 2)) if np.ndim(a) == 3 else a, chunks)
 
 
 @dataclass(frozen=True)
