@@ -15,7 +15,7 @@ from plantfit.trust.open_answers import open_answers
 
 DEMAND = Demand(overshoot=5.0, travel=1500.0)
 EDGE, PINNED = 1e-3, 0.05  # answers with more of their entries at a bound are no plants
-GOOD = 20.0  # answers up to so many times the least cost count as models
+GOOD = 3.0  # answers up to so many times the cost of the best model count as models
 WORST = 2.0  # copies may have so many times that cost
 DRAWN = 36  # members with their open cells drawn anew
 ONE, ALL = "best model", "family"
@@ -33,7 +33,7 @@ def closed_loop_section(
 ) -> dict[str, Any]:
     """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best` is the nominal model.
 
-    The family: answers of at most 20 times the cost of `best` with at most a twentieth of their entries at a bound, and `drawn` copies
+    The family: answers of at most 3 times the cost of `best` with at most a twentieth of their entries at a bound, and `drawn` copies
     of it whose open cells are drawn anew, as far from it as twice its cost allows; every third member is held out from the tuning.
     `truth` gives the tables of an opening, as a rig's.
     """
