@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from plantfit.optimize import Objective, minimise
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.counter import BudgetSpent, Counter
+from plantfit.optimize.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.demes import Deme, climbers, explorers
 from plantfit.optimize.hms import Hms, Tree
 from plantfit.optimize.sea import SimpleEvolution, mirrored
@@ -120,7 +121,7 @@ def test_fixed_steps_have_their_size_and_harmonic_ones_all_scales():
 
 def test_leaf_begins_where_it_was_sprouted_and_stops_when_it_settles():
     objective, seed = bowl(3), np.array([0.2, 0.6, 0.4])
-    leaf = Deme(1, climbers(12, 5), Facts(3, 10_000), jax.random.key(1), seed, 0.05)
+    leaf = Deme(1, climbers(3, 12, 5), Facts(3, 10_000), jax.random.key(1), seed, 0.05)
     counter = Counter(objective, 10_000)
     leaf.metaepoch(counter)
     assert counter.spent == 60
@@ -134,12 +135,21 @@ def test_leaf_begins_where_it_was_sprouted_and_stops_when_it_settles():
 
 
 def test_a_leaf_that_ended_stays_where_it_ended():
-    leaf = Deme(1, climbers(10, 1000), Facts(2, 10**6), jax.random.key(1), np.array([0.4, 0.4]), 0.2)
+    leaf = Deme(1, climbers(2, 10, 1000), Facts(2, 10**6), jax.random.key(1), np.array([0.4, 0.4]), 0.2)
     leaf.metaepoch(Counter(bowl(2), 10**6))
     assert not leaf.active
     assert leaf.best_cost < 1e-15
     np.testing.assert_allclose(leaf.centre, leaf.nested.best_x, atol=1e-6)
     assert np.max(np.diag(leaf.covariance)) < 1e-12
+
+
+def test_leaves_of_many_parameters_learn_scales_first():
+    seed = np.full(120, 0.4)
+    leaf = Deme(1, climbers(120, 20, 5), Facts(120, 10_000), jax.random.key(1), seed, 0.05)
+    assert isinstance(leaf.kind.method, DecodingCmaEs)
+    leaf.metaepoch(Counter(bowl(120), 10_000))
+    assert leaf.covariance.shape == (120, 120)
+    np.testing.assert_allclose(leaf.centre, seed, atol=0.1)
 
 
 def test_basins_of_two_bowls_get_a_leaf_each():

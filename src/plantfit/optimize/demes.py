@@ -10,12 +10,15 @@ import plantfit.runtime  # noqa: F401
 from plantfit.optimize.cmaes import CmaEs
 from plantfit.optimize.contract import Facts, Population
 from plantfit.optimize.counter import Counter
+from plantfit.optimize.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.nested import Nested
 from plantfit.optimize.sea import SimpleEvolution, mirrored
 
 import jax
 import jax.numpy as jnp
 from jax import Array
+
+MANY = 100  # parameters, as in `auto`
 
 
 @dataclass(frozen=True)
@@ -112,10 +115,11 @@ def explorers(population: int | None, mutation: float) -> Level:
     return Level(SimpleEvolution(population=population, mutation=mutation, steps="fixed"), 1, place)
 
 
-def climbers(population: int | None, generations: int) -> Level:
-    """CMA-ES from the seed; no restarts, because the tree decides where to search next."""
+def climbers(dimension: int, population: int | None, generations: int) -> Level:
+    """CMA-ES from the seed, from MANY parameters on the one that learns scales first; no restarts: the tree decides where to go on."""
 
     def place(state: Any, seed: np.ndarray, step: float, key: Array) -> Any:
         return state._replace(mean=jnp.asarray(seed), sigma=jnp.asarray(step), first=jnp.asarray(step))
 
-    return Level(CmaEs(population=population, restarts=0), generations, place)
+    method = DecodingCmaEs if dimension > MANY else CmaEs
+    return Level(method(population=population, restarts=0), generations, place)

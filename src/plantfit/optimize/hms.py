@@ -59,13 +59,15 @@ class Hms:
     goes on to its last digit. A root that stagnated begins anew, and the tree keeps its basins.
     On 6-D Rastrigin, 20 000 evaluations, medians of 21 runs at two places of the optimum: 2.0 and 1.0 with leaves of 18
     candidates that are looked at every 10 generations, 3.0 and 3.0 with 9 candidates and 20 generations.
+    With more than 100 parameters the leaves are `dd_cmaes`: on the 310 of a steam chamber, 10 000 evaluations, 4 runs, a median of
+    49 times the noise floor; 119 with `cmaes`, 770 with 10 generations in a metaepoch.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=3)
     population: int | None = integer(None, 3, 100_000, "individuals of the root; by default 10 + 2 d, at most a twentieth of the budget")
     mutation: float = number(0.25, 1e-6, 1.0, "steps of the root, as a share of each range")
     leaf_population: int | None = integer(None, 4, 100_000, "candidates per generation of a leaf; by default 8 + 6 ln(d)")
-    leaf_generations: int = integer(10, 1, 10_000, "generations of a leaf in one metaepoch")
+    leaf_generations: int | None = integer(None, 1, 10_000, "generations of a leaf in one metaepoch; by default d / 4 and at least 10")
     first_step: float = number(0.2, 1e-6, 1.0, "largest first step of a leaf, as a share of each range")
     levels: int = integer(2, 2, 4, "height of the tree")
     children: int = integer(4, 1, 1000, "most active demes of one level below the root")
@@ -95,7 +97,8 @@ class Hms:
     def _levels(self, dimension: int) -> list[Level]:
         """Steps become finer by a fifth from level to level."""
         between = [explorers(self.population, self.mutation / 5**k) for k in range(self.levels - 1)]
-        return [*between, climbers(self.leaf_population or 2 * (4 + math.floor(3 * math.log(dimension))), self.leaf_generations)]
+        population = self.leaf_population or 2 * (4 + math.floor(3 * math.log(dimension)))
+        return [*between, climbers(dimension, population, self.leaf_generations or max(10, dimension // 4))]
 
     def _stop_settled(self, tree: Tree) -> None:
         leader = tree.leader
