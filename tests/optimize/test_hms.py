@@ -149,7 +149,8 @@ def test_leaves_of_many_parameters_learn_scales_first():
     assert isinstance(leaf.kind.method, DecodingCmaEs)
     leaf.metaepoch(Counter(bowl(120), 10_000))
     assert leaf.covariance.shape == (120, 120)
-    np.testing.assert_allclose(leaf.centre, seed, atol=0.1)
+    assert np.max(np.abs(leaf.centre - seed)) < 0.3
+    assert leaf.best_cost < np.min(leaf.costs[:20])
 
 
 def test_basins_of_two_bowls_get_a_leaf_each():
