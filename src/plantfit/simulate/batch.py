@@ -9,7 +9,7 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.grid import merge
-from plantfit.simulate.intervals import MOST_EDGES, Row, over_rows, sensitivities, substeps, summed
+from plantfit.simulate.intervals import MOST_EDGES, Row, sensitivities, substeps, summed
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.schedule import Chunks
 from plantfit.simulate.simulator import Simulator
@@ -44,7 +44,7 @@ class Batch:
             x, more = self._choose(chunk, plain, late)
             if weight is not None:
                 more = tuple(m * weight.at[chunk.lane].get(mode="promise_in_bounds") for m in more)
-            return (x, tuple(a + over_rows(b) for a, b in zip(totals, more, strict=True))), None
+            return (x, tuple(a + jnp.sum(b) for a, b in zip(totals, more, strict=True))), None
 
         (_, totals), _ = jax.lax.scan(body, (self._empty(x0, chunks), totals), chunks)
         return totals

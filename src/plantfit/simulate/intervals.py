@@ -4,7 +4,7 @@ An interval with edges of delayed inputs is cut at them, in straight code withou
 """
 
 from collections.abc import Callable
-from functools import partial, reduce, wraps
+from functools import partial, wraps
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -219,11 +219,6 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
         return native_scan(body, (x, s), rows, keep=True, fallback=True)
 
     return run
-
-
-def over_rows(values: Any) -> Any:
-    """The sum of (R,) or (R, n) over rows, one after the other: the same bits for any n."""
-    return reduce(jnp.add, [values[i] for i in range(values.shape[0])])
 
 
 def _unit(zeros: tuple[float, ...], i: int) -> tuple[float, ...]:

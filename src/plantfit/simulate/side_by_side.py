@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.intervals import Row, kept_sums, over_rows, pulled_back
+from plantfit.simulate.intervals import Row, kept_sums, pulled_back
 from plantfit.simulate.schedule import Chunks
 from plantfit.simulate.simulator import Simulator
 
@@ -55,7 +55,7 @@ def _forwards(simulator: Simulator, windows: str, p: Any, x0: Any, chunks: Chunk
         (x, more), before = _chosen(windows, chunk, run_rows)
         if weight is not None:
             more = tuple(m * _counted(weight, chunk) for m in more)
-        return (x, tuple(a + over_rows(b) for a, b in zip(totals, more, strict=True))), before
+        return (x, tuple(a + jnp.sum(b, axis=0) for a, b in zip(totals, more, strict=True))), before
 
     n = x0[0].shape[-1]
     begin = tuple(jnp.zeros((chunks.lane.shape[1], n)) for _ in x0), tuple(jnp.zeros(n) for _ in chunks.measured)
