@@ -25,13 +25,15 @@ def closed_loop_section(
     problem: Problem,
     answers: Mapping[str, Any],
     best: Any,
+    name: str,
     truth: Callable[[float], Mapping[str, Any]],
     *,
     drawn: int = DRAWN,
     budget: int = 160,
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best` is the nominal model.
+    """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best`, that of `name`, is the
+    nominal model.
 
     The family: answers of at most 3 times the cost of `best` with at most a twentieth of their entries at a bound, and `drawn` copies
     of it whose open cells are drawn anew, as far from it as twice its cost allows; every third member is held out from the tuning.
@@ -39,7 +41,7 @@ def closed_loop_section(
     """
     costs = np.asarray(problem.costs(np.stack([best, *answers.values()])))
     good = [np.asarray(z) for z, cost in zip(answers.values(), costs[1:], strict=True) if cost <= GOOD * costs[0]]
-    plausible = [z for z in good if np.mean((z < EDGE) | (z > 1.0 - EDGE)) <= PINNED]
+    plausible = [z for z in good if _pinned(z) <= PINNED]
     pinned, good = len(good) - len(plausible), plausible
     points = [*good, *open_answers(problem, np.asarray(best), drawn, known=1e-2, worst=WORST, seed=seed)]
     spread = np.asarray(problem.costs(np.stack(points)))
@@ -60,8 +62,9 @@ def closed_loop_section(
     found = f"{len(good)} answers and " if good else ""
     members = f"{found}{drawn} copies of the best with their open cells drawn anew"
     sentences = [
-        "The best model here is that of L-BFGS-B with exact derivatives from the static solution: it is at the noise floor, and smooth "
-        "where records tell little.",
+        f"The best model here is the answer of {name}: C = {significant(costs[0], 3)} bar², {100 * _pinned(best):.1f} % of its entries on "
+        f"bounds. The least cost of the others is {significant(np.min(costs[1:]), 3)} bar², with "
+        f"{100 * _pinned(list(answers.values())[int(np.argmin(costs[1:]))]):.1f} %.",
         f"Family: {members}, cost C {significant(spread.min(), 3)} to {significant(spread.max(), 3)} bar² beside "
         f"{significant(costs[0], 3)} of the best; {len(kept)} members for the tuning, {len(out)} held out."
         + (
@@ -79,6 +82,11 @@ def closed_loop_section(
         "tables": [_table(chosen, judged)],
         "figures": [{"figure": _figure(chosen, seen), "label": "Steps on the true chamber and on members held out"}],
     }
+
+
+def _pinned(z: Any) -> float:
+    """Share of the coordinates of a cube point at a bound."""
+    return float(np.mean((np.asarray(z) < EDGE) | (np.asarray(z) > 1.0 - EDGE)))
 
 
 class _Seen(NamedTuple):

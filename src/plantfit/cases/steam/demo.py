@@ -164,7 +164,7 @@ def _meaning_sections(
         sections.append(tables_section({n: r.recording for n, r in runs.items()}, truth_of(runs)))
         begins("closed loop")
         others = {n: z for n, z in best.items() if n != NOMINAL} | {EXACT: answer.best.x}
-        sections.append(closed_loop_section(problem, others, best[NOMINAL], smooth_truth, seed=SEED))
+        sections.append(closed_loop_section(problem, others, best[NOMINAL], NOMINAL, smooth_truth, seed=SEED))
     return sections
 
 
