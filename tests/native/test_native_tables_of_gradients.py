@@ -46,3 +46,100 @@ def test_sums_over_many_steps_equal_those_of_lax(name):
     for a, b in zip(own, plain, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
     assert np.any(np.asarray(plain[0]) != 0.0)
+
+
+def in_branches(carry, row):
+    """Sums in both branches of a condition that lanes share, in one of them at two places."""
+    x, late = row
+
+    def near(k, a):
+        return k.at[jnp.int32(x)].add(x).at[jnp.int32(x) + 1].add(1.0 - x), a + x
+
+    def far(k, a):
+        at = jnp.minimum(jnp.int32(0.5 * x), 4)
+        return k.at[at].add(x * x), a
+
+    return jax.lax.cond(late, far, near, *carry), None
+
+
+XS = jnp.asarray(np.random.default_rng(3).uniform(0.0, 4.5, (40, 60)))
+LATE = jnp.asarray(np.random.default_rng(4).uniform(size=60) < 0.3)
+BEGIN = jnp.linspace(-1.0, 1.0, 6), jnp.asarray(0.0)
+
+
+@NEEDED
+def test_sums_in_branches_stay_in_place_and_equal_those_of_lax():
+    late = jnp.asarray(np.random.default_rng(5).uniform(size=(40, 60)) < 0.3)
+    for flags, axis in ((LATE, None), (late, 0)):  # lanes take the same branch, or their own
+        own = jax.jit(jax.vmap(lambda x, b: native_scan(in_branches, BEGIN, (x, b))[0], in_axes=(0, axis)))(XS, flags)
+        plain = jax.jit(jax.vmap(lambda x, b: jax.lax.scan(in_branches, BEGIN, (x, b))[0], in_axes=(0, axis)))(XS, flags)
+        for a, b in zip(own, plain, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13)
+
+
+@NEEDED
+def test_held_sums_of_a_lane_have_the_same_bits_in_every_batch():
+    run = jax.jit(jax.vmap(lambda x: native_scan(in_branches, BEGIN, (x, LATE))[0]))
+    whole = run(XS)
+    for part in (slice(0, 1), slice(3, 8), slice(7, 40)):
+        for a, b in zip(run(XS[part]), whole, strict=True):
+            np.testing.assert_array_equal(a, b[part])
+    alone = jax.jit(lambda x: native_scan(in_branches, BEGIN, (x, LATE))[0])(XS[5])
+    for a, b in zip(alone, whole, strict=True):
+        np.testing.assert_array_equal(a, b[5])
+
+
+@NEEDED
+def test_a_table_that_the_loop_reads_is_never_held_back():
+    def body(carry, x):
+        k, total = carry
+        at = jnp.int32(x)
+        k = k.at[at].add(x)
+        return (k, total + k[at] * k[0]), None
+
+    own = jax.jit(jax.vmap(lambda x: native_scan(body, BEGIN, x)[0]))(XS)
+    plain = jax.jit(jax.vmap(lambda x: jax.lax.scan(body, BEGIN, x)[0]))(XS)
+    for a, b in zip(own, plain, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13)
+
+
+@NEEDED
+def test_a_branch_that_needs_the_old_table_gets_it():
+    def body(carry, row):
+        k, total = carry
+        x, late = row
+        at = jnp.int32(x)
+        new = jax.lax.cond(late, lambda k: k.at[at].add(x), lambda k: k, k)
+        return (new, total + k[at]), None  # read after the branch: it may not have been overwritten
+
+    own = jax.jit(jax.vmap(lambda x: native_scan(body, BEGIN, (x, LATE))[0]))(XS)
+    plain = jax.jit(jax.vmap(lambda x: jax.lax.scan(body, BEGIN, (x, LATE))[0]))(XS)
+    for a, b in zip(own, plain, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13)
+
+
+@NEEDED
+@pytest.mark.parametrize("reverse", [False, True])
+def test_steps_behind_the_used_ones_are_left_out(reverse):
+    used = jnp.asarray([60, 0, 1, 31, 59])
+    xs = XS[:10].reshape(5, 2, 60)
+
+    def body(carry, x):
+        return 0.8 * carry + jnp.sin(x), carry
+
+    def one(x, end):
+        return native_scan(body, jnp.asarray(0.5), x, keep=True, reverse=reverse, used=end)
+
+    last, before = jax.jit(jax.vmap(jax.vmap(one, in_axes=(0, None)), in_axes=(0, 0)))(xs, used)
+    for row, n in enumerate(used.tolist()):
+        for lane in range(2):
+            wanted, kept = jax.lax.scan(body, jnp.asarray(0.5), xs[row, lane, :n], reverse=reverse)
+            np.testing.assert_allclose(last[row, lane], wanted, rtol=1e-13)
+            np.testing.assert_allclose(before[row, lane, :n], kept, rtol=1e-13)
+
+
+def test_without_native_code_all_steps_run(monkeypatch):
+    monkeypatch.setattr("plantfit.native.scan.available", lambda: False)
+    body = lambda c, x: (c + x, c)  # noqa: E731
+    last, _ = native_scan(body, jnp.asarray(0.0), jnp.asarray([1.0, 2.0, 0.0]), used=jnp.asarray(2), fallback=True)
+    assert float(last) == 3.0

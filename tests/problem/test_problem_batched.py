@@ -1,6 +1,7 @@
 """All records in one compiled loop, against a plain loop without jax, and against record by record."""
 
-from functools import cache
+import dataclasses
+from functools import cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from problem_batched_plants import Case, direct, plain_residuals, points
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.batched import Batched
+from plantfit.simulate.record_rows import RecordRows
 from plantfit.space import Parameter
 
 import jax
@@ -97,6 +99,39 @@ def test_gradients(name):
         r, jacobian = map(np.asarray, q.call("residuals_and_jacobian", z))
         assert float(f[k]) == pytest.approx(np.mean(r**2), rel=1e-11)
         close(g[k], 2.0 / len(r) * jacobian.T @ r, 1e-9)
+
+
+@pytest.mark.parametrize("name", [n for n in CASES if n != "one late input, new at every sample"])
+def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(name, monkeypatch):
+    q = prepared(name)
+    batched, numbers = q.problem._functions, q.problem.arguments
+    if batched.whole is None:
+        assert not batched.few_edges
+        return
+    ways = []
+    for together in (True, False):
+        monkeypatch.setattr(RecordRows, "together", lambda self, candidates, so=together: so)
+        costs, gradients = jax.jit(batched.values_and_gradients)(q.zs, numbers)
+        for k in range(len(q.zs)):
+            cost, gradient = jax.jit(batched.values_and_gradients)(q.zs[k : k + 1], numbers)
+            np.testing.assert_array_equal(cost[0], costs[k])
+            close(gradient[0], gradients[k], 1e-14)  # XLA turns parameters into coordinates, to rounding
+        ways.append((costs, gradients))
+    np.testing.assert_array_equal(ways[0][0], ways[1][0])
+    close(ways[0][1], ways[1][1], 1e-14)
+    np.testing.assert_array_equal([jax.jit(batched.cost)(z, numbers) for z in q.zs], ways[0][0])
+    close(jax.jit(jax.grad(partial(batched.cost, reverse=True)))(q.zs[0], numbers), ways[0][1][0], 1e-12)
+
+
+def test_records_of_very_unequal_length_are_not_filled_up():
+    lengths = [prepared("one record").case.lengths[0], *[4] * 9]
+    case = dataclasses.replace(CASES["one record"], lengths=tuple(lengths))
+    problem = case.problem()
+    batched = problem._functions
+    assert isinstance(batched, Batched)
+    assert batched.whole is None
+    zs = points(problem, 2)
+    close(jax.jit(batched.costs)(zs, problem.arguments), [np.mean(plain_residuals(case, problem, z) ** 2) for z in zs], 1e-11)
 
 
 @some_cases

@@ -1,6 +1,8 @@
 """Tables over operating points: a parameter of one value for each node, linear between, clamped outside."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -106,13 +108,29 @@ def _corners(values: Any, *index: Any) -> Any:
 
 
 def _cell(nodes: Nodes, x: Any) -> tuple[Any, Any]:
-    """(index, weight): the cell that x lies in, and where in it, 0 to 1; d weight/dx = 0 outside of the table.
+    """(index, weight): the cell that x lies in, and where in it, 0 to 1; d weight/dx = 0 outside of the table."""
+    known, key = _CELLS.get(), (id(x), tuple(nodes))
+    if known is not None and key in known:
+        return known[key][1]
+    grid, at = np.asarray(nodes, dtype=float), jnp.asarray(x, dtype=float)
+    index, inside = _even_cell(grid, at) if _is_even(grid) else _uneven_cell(grid, at)
+    cell = index, jnp.where(at >= grid[-1], 1.0, jnp.where(at < grid[0], 0.0, inside))
+    if known is not None:
+        known[key] = x, cell  # with x, so that no other value gets its id
+    return cell
 
-    Tables over the same nodes and the same x repeat this arithmetic, and XLA merges it.
-    """
-    grid, x = np.asarray(nodes, dtype=float), jnp.asarray(x, dtype=float)
-    index, inside = _even_cell(grid, x) if _is_even(grid) else _uneven_cell(grid, x)
-    return index, jnp.where(x >= grid[-1], 1.0, jnp.where(x < grid[0], 0.0, inside))
+
+@contextmanager
+def shared_cells() -> Iterator[None]:
+    """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken backwards."""
+    token = _CELLS.set({})
+    try:
+        yield
+    finally:
+        _CELLS.reset(token)
+
+
+_CELLS: ContextVar[dict[Any, tuple[Any, tuple[Any, Any]]] | None] = ContextVar("cells", default=None)
 
 
 def _even_cell(grid: np.ndarray, x: Any) -> tuple[Any, Any]:

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.native.graph import BOOL, F64, I32, I64, NUMPY, U32, Graph, Node
+from plantfit.native.graph import BOOL, F64, I32, I64, INTEGERS, NUMPY, U32, Graph, Node
 from plantfit.native.unsupported import NativeUnsupported
 
-INTEGERS = (I32, I64, U32)
 _COMPARE: dict[str, Callable] = {
     "eq": operator.eq, "ne": operator.ne, "lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge,
 }  # fmt: skip
@@ -43,16 +42,18 @@ class Arithmetic:
         return self.graph.make(name, args, dtype, data)
 
     def add(self, a: Node, b: Node) -> Node:
-        if a.dtype in INTEGERS and _is(a, 0):
+        if _is(a, 0) and a.dtype != BOOL:  # a sum with 0 may keep the sign of -0
             return b
-        if a.dtype in INTEGERS and _is(b, 0):
+        if _is(b, 0) and b.dtype != BOOL:
             return a
-        return self.op("add", a, b)
+        if b.op == "neg":
+            return self.sub(a, b.args[0])
+        return self.sub(b, a.args[0]) if a.op == "neg" else self.op("add", a, b)
 
     def sub(self, a: Node, b: Node) -> Node:
         if _is(b, 0) and not (b.dtype == F64 and math.copysign(1.0, b.data) < 0):  # x - (+0) is x
             return a
-        return self.op("sub", a, b)
+        return self.op("add", a, b.args[0]) if b.op == "neg" else self.op("sub", a, b)
 
     def mul(self, a: Node, b: Node) -> Node:
         if _is(a, 1):
@@ -63,6 +64,10 @@ class Arithmetic:
             return self.neg(b)
         if b.dtype == F64 and _is(b, -1):
             return self.neg(a)
+        if b.op == "neg":
+            a, b = b, a
+        if a.op == "neg":
+            return self.op("mul", a.args[0], self.neg(b)) if b.op == "const" else self.neg(self.mul(a.args[0], b))
         return self.op("mul", a, b)
 
     def neg(self, a: Node) -> Node:
@@ -143,7 +148,7 @@ class Arithmetic:
         """a to a whole power by repeated squaring."""
         if exponent < 0:
             inverse = self.op("div", self.number(1.0), a)
-            return self.power(inverse, -exponent) if exponent > -3 else self.op("div", self.number(1.0), self.power(a, -exponent))
+            return self.power(inverse, -exponent) if exponent > -4 else self.op("div", self.number(1.0), self.power(a, -exponent))
         result, square = self.graph.const(1, a.dtype), a
         while exponent:
             if exponent & 1:

@@ -5,7 +5,7 @@ def handler(inputs: int, outputs: int) -> str:
     """LLVM text of `entry`: answers a query for the version of the interface, else calls `kernel` on the buffers of the frame.
 
     Offsets are those of XLA_FFI_CallFrame, XLA_FFI_Metadata_Extension and XLA_FFI_Buffer. The first argument holds the sizes
-    K, G and B.
+    K, G and B, and the steps of every group where they differ.
     """
     lines = [
         "define ptr @entry(ptr %frame) #0 {",
@@ -52,5 +52,5 @@ def handler(inputs: int, outputs: int) -> str:
         lines.append(f"  %{name}_at = getelementptr i64, ptr %sizes, i64 {i}")
         lines.append(f"  %{name} = load i64, ptr %{name}_at")
     passed = [f"ptr %in{i}" for i in range(inputs)] + [f"ptr %out{i}" for i in range(outputs)]
-    lines.append(f"  call void @kernel({', '.join([*passed, 'i64 %K', 'i64 %G', 'i64 %B'])})")
+    lines.append(f"  call void @kernel({', '.join([*passed, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])})")
     return "\n".join([*lines, "  ret ptr null", "}"])

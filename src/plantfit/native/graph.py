@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 F64, I64, I32, U32, BOOL = "f64", "i64", "i32", "u32", "bool"
+INTEGERS = (I32, I64, U32)
 NUMPY = {F64: np.dtype(np.float64), I64: np.dtype(np.int64), I32: np.dtype(np.int32), U32: np.dtype(np.uint32), BOOL: np.dtype(np.bool_)}
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, slots=True, repr=False)
 class Node:
     """`op` applied to `args`; `data` holds what is not a node (a constant, an offset, regions)."""
 

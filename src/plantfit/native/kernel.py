@@ -12,10 +12,12 @@ from plantfit.native.carried import Place, fetch, load_slots, renew
 from plantfit.native.emitter import Emitter
 from plantfit.native.ffi_handler import handler
 from plantfit.native.graph import Node, Region
+from plantfit.native.held_sums import HeldSums
 from plantfit.native.llvm_text import REGISTER
 from plantfit.native.regions import RegionEmitter
 from plantfit.native.storage import Storage, read_entry, write_entry
 from plantfit.native.table_reads import table_reads
+from plantfit.native.table_sums import table_sums
 from plantfit.native.uniformity import Uniformity
 
 
@@ -40,6 +42,7 @@ class Shape:
     vectors: int  # vectors in a block
     narrow: bool  # fewer lanes than a block
     reverse: bool
+    ragged: bool  # whether every group has its own number of steps
     varies: tuple[tuple[bool, bool], ...]  # (over groups, over lanes) of every input leaf
 
 
@@ -66,7 +69,8 @@ class _Kernel:
         self.uniformity = Uniformity(self._leaf_varies)
         self.e = Emitter(shape.width, shape.vectors, self.uniformity.varies, self._constant_storage)
         self.buffers = Buffers(self.e, self.inputs, outputs, shape.narrow)
-        self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body))
+        self.sums = HeldSums(self.e, table_sums(program.body))
+        self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body), self.sums)
         self.first_carry, self.first_row = len(program.constants), len(program.constants) + len(program.carry)
 
     def _leaf_varies(self, node: Node) -> bool:
@@ -85,7 +89,7 @@ class _Kernel:
             [
                 *sorted(e.declared),
                 *(lanes_function(name, count, e.width) for name, count in sorted(e.libm.items())),
-                f"define internal void @kernel({', '.join([*pointers, 'i64 %K', 'i64 %G', 'i64 %B'])}) noinline #0 {{",
+                f"define internal void @kernel({', '.join([*pointers, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])}) noinline #0 {{",
                 "entry:",
                 *e.slots,
                 *e.lines,
@@ -125,6 +129,7 @@ class _Kernel:
         """One block of lanes: prologue, steps, results."""
         e, buffers, program = self.e, self.buffers, self.program
         buffers.row = "0"
+        end = self._end()
         self._region(program.prologue)
         params = program.body.params
         places = self._begin()
@@ -133,9 +138,9 @@ class _Kernel:
         e.line("br label %steps")
         e.label("steps")
         k = e.put(f"load i64, ptr {step}")
-        e.line(f"br i1 {e.put(f'icmp slt i64 {k}, %K')}, label %step, label %ended")
+        e.line(f"br i1 {e.put(f'icmp slt i64 {k}, {end}')}, label %step, label %ended")
         e.label("step")
-        buffers.row = e.put(f"sub i64 {e.put('sub i64 %K, 1')}, {k}") if self.shape.reverse else k
+        buffers.row = e.put(f"sub i64 {e.put(f'sub i64 {end}, 1')}, {k}") if self.shape.reverse else k
         for param, place in zip(params, places, strict=True):
             fetch(e, param, place)
         self._region(program.body)
@@ -145,7 +150,15 @@ class _Kernel:
         e.line("br label %steps")
         e.label("ended")
         e.lines[start:start] = e.before_steps
+        self.sums.finish()
         self._finish(places)
+
+    def _end(self) -> str:
+        """The number of steps of a group."""
+        if not self.shape.ragged:
+            return "%K"
+        place = self.e.put(f"add i64 {self.buffers.group}, 3")
+        return self.e.put(f"load i64, ptr {self.e.put(f'getelementptr i64, ptr %sizes, i64 {place}')}")
 
     def _region(self, region: Region) -> None:
         """The loads of a region from the buffers, then its other nodes."""

@@ -79,8 +79,10 @@ class Layout:
         return jnp.transpose(a, (*(outer[axes.index(x)] for x in range(len(self.batch))), *inner))
 
 
-def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int) -> Layout:
-    """The axes whose lanes cost least; the others become groups.
+def choose_layout(
+    batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int, apart: Sequence[bool] = ()
+) -> Layout:
+    """The axes whose lanes cost least; the others become groups, and so do those that are `apart`.
 
     Step data that vary over some of the lanes' axes, or of the groups', are copied over the others, K numbers per lane; each such leaf
     counts as a tenth of the work.
@@ -93,9 +95,10 @@ def choose_layout(batch: tuple[int, ...], present: Sequence[Sequence[bool]], row
         copied = sum(any(0 < sum(p[a] for a in axes) < len(axes) for axes in sets) for p in data)
         return _work(layout) * (1 + 0.1 * copied)
 
-    subsets = (lanes for count in range(len(axes), 0, -1) for lanes in combinations(axes, count))
+    free = [a for a in axes if not (apart and apart[a])]
+    subsets = (lanes for count in range(len(free), 0, -1) for lanes in combinations(free, count))
     layouts = [_with_lanes(batch, tuple(a for a in axes if a not in lanes), lanes, width, most) for lanes in subsets]
-    return min(layouts, key=cost) if layouts else _with_lanes(batch, (), (), width, most)
+    return min(layouts, key=cost) if layouts else _with_lanes(batch, axes, (), width, most)
 
 
 def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:

@@ -1,4 +1,4 @@
-"""Passes over a traced graph: dead code elimination, shared reciprocals, contraction to fused multiply-add.
+"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add.
 
 Contraction is decided here and not by LLVM, so that a lane gives the same bits in every batch.
 """
@@ -7,11 +7,13 @@ from collections import Counter
 from collections.abc import Sequence
 
 from plantfit.native.graph import F64, Node, Region, all_regions, regions_of
+from plantfit.native.table_sums import join_sums
 
 
 def run_passes(regions: Sequence[Region], *, contract: bool) -> None:
     """Change the regions (prologue, body) in place; `contract` where the processor has fused multiply-add."""
     _eliminate_dead_code(regions)
+    join_sums(regions)
     for top in regions:
         for region in all_regions(top):
             _share_reciprocals(region)

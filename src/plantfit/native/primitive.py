@@ -38,6 +38,7 @@ class Loop:
     carry: int
     steps: int
     reverse: bool
+    ragged: bool  # whether a last operand tells how many of the steps are used
 
     def out_shapes(self) -> list[tuple[tuple[int, ...], np.dtype]]:
         """Of one lane: carry leaves, then ys with their leading axis of steps."""
@@ -59,12 +60,17 @@ def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flag
     """Arrange the operands in the layout, call the kernel, restore the results."""
     here = host()
     kinds = _core_kinds(loop)
-    layout = choose_layout(batch, present, [rows for _, rows in kinds], here.width, here.vectors)
+    ends, place = (operands[-1], present[-1]) if loop.ragged else (None, ())
+    operands, present = operands[: len(kinds)], present[: len(kinds)]
+    layout = choose_layout(batch, present, [rows for _, rows in kinds], here.width, here.vectors, place)
     program = loop.program
     varies = tuple((layout.over_groups(p), layout.over_lanes(p)) for p in present)
-    shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, varies)
+    shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, loop.ragged, varies)
     name = _registered(program, shape)
     sizes = jnp.asarray(np.array([loop.steps, layout.groups, layout.lanes]))
+    if ends is not None:
+        ends = jnp.clip(layout.arrange(ends, place, False).reshape(-1), 0, loop.steps)
+        sizes = jnp.concatenate([sizes, jnp.broadcast_to(ends, (layout.groups,))])
     arranged = [layout.arrange(a, p, rows) for a, p, (_, rows) in zip(operands, present, kinds, strict=True)]
     outs = loop.out_shapes()
     rows_out = [i >= loop.carry for i in range(len(outs))]
@@ -92,7 +98,7 @@ def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Fla
             out = function(*c, *x)
             return out[: loop.carry], out[loop.carry :]
 
-        rows = list(given[loop.constants + loop.carry :])
+        rows = list(given[loop.constants + loop.carry : len(given) - loop.ragged])
         after, ys = jax.lax.scan(body, list(carry), rows, length=loop.steps, reverse=loop.reverse)
         return [*after, *ys]
 

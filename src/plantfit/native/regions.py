@@ -1,18 +1,20 @@
-"""The code of regions: nodes in order, loops, branches and cached table reads.
+"""The code of regions: nodes in order, loops, branches, cached table reads and held sums.
 
 Lanes that leave a loop or take another branch are masked; a loop runs until no lane is active, a branch if some lane takes it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from plantfit.native.array_access import emit_load, emit_pack, emit_update, updated_in_place
+from plantfit.native.array_access import emit_add_at, emit_load, emit_pack, emit_update, lent_to_branches, updated_in_place
 from plantfit.native.c_library import emit_libm, emit_patched
 from plantfit.native.carried import Place, fetch, initial_places, renew, renew_one
 from plantfit.native.emitter import Emitter
 from plantfit.native.graph import BOOL, F64, Node, Region, walk
+from plantfit.native.held_sums import HeldSums
 from plantfit.native.instructions import emit_instruction
 from plantfit.native.llvm_text import BYTES, REGISTER, Lanes
+from plantfit.native.storage import Storage
 from plantfit.native.table_reads import TableReads
 
 _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
@@ -26,19 +28,19 @@ _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
 
 
 class RegionEmitter:
-    """Writes regions. `cached` gives the table reads to cache, `tops` are the regions that contain all others."""
+    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `tops` are the regions that contain all others."""
 
-    def __init__(self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads]):
-        self.e, self._cached = emitter, cached
+    def __init__(self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums):
+        self.e, self._cached, self._sums = emitter, cached, sums
         self._gets: dict[Node, list[Node]] = {}  # the results taken from each loop and branch
         for top in tops:
             for node in walk(top):
                 if node.op == "get":
                     self._gets.setdefault(node.args[0], []).append(node)
 
-    def emit(self, region: Region) -> None:
-        """The nodes of a region, in order."""
-        in_place = updated_in_place(region)
+    def emit(self, region: Region, lent: Collection[Node] = ()) -> None:
+        """The nodes of a region, in order; arrays that are `lent` to it may be overwritten."""
+        in_place, lent_on = updated_in_place(region, lent), lent_to_branches(region, lent)
         for node in region.code:
             reads = self._cached.get(node)
             if reads is not None and self.e.varies(reads.index):
@@ -46,6 +48,12 @@ class RegionEmitter:
                     self._emit_cached(reads)
             elif node.op == "update":
                 emit_update(self.e, node, node in in_place)
+            elif node in self._sums and self.e.mask is None:
+                self._sums.add(node)
+            elif node.op == "add_at":
+                emit_add_at(self.e, node, node in in_place)
+            elif node.op == "cond":
+                self._cond(node, lent_on.get(node, {}))
             else:
                 self._emit_node(node)
 
@@ -54,8 +62,6 @@ class RegionEmitter:
             self._loop(node)
         elif node.op == "while":
             self._while(node)
-        elif node.op == "cond":
-            self._cond(node)
         else:
             _RULES.get(node.op, emit_instruction)(self.e, node)
 
@@ -147,12 +153,14 @@ class RegionEmitter:
 
     # -- branches -----------------------------------------------------------------------------------
 
-    def _cond(self, node: Node) -> None:
-        """Branches one after another, each skipped when no active lane takes it."""
+    def _cond(self, node: Node, lent: Mapping[int, Node]) -> None:
+        """Branches one after another, each skipped when no active lane takes it; results that are `lent` stay in that array's memory."""
         e, (index,) = self.e, node.args
         varying = e.varies(index)
         gets = self._gets.get(node, [])
-        places = [self._result_place(get) for get in gets]
+        places = [self._result_place(get, lent.get(get.data)) for get in gets]
+        held = {place.pointer for place in places if isinstance(place, Storage)}
+        kept = [array for array in lent.values() if e.storage(array).pointer in held]
         end = e.name("joined")
         for k, region in enumerate(node.data):
             taken, following = e.name("case"), e.name("next")
@@ -160,7 +168,7 @@ class RegionEmitter:
             e.line(f"br i1 {e.any_lane(chosen) if varying else chosen[0]}, label %{taken}, label %{following}")
             e.label(taken)
             with e.active(e.active_among(chosen) if varying else e.mask):
-                self.emit(region)
+                self.emit(region, kept)
                 with e.active(e.mask if varying else None):
                     for get, place in zip(gets, places, strict=True):
                         renew_one(e, get, region.results[get.data], place)
@@ -171,8 +179,10 @@ class RegionEmitter:
         for get, place in zip(gets, places, strict=True):
             fetch(e, get, place)
 
-    def _result_place(self, get: Node) -> Place:
+    def _result_place(self, get: Node, lent: Node | None) -> Place:
         e, varying = self.e, self.e.varies(get)
+        if lent is not None and e.storage(lent).flat != varying:
+            return e.storage(lent)
         if get.size is not None:
             return e.reserve(get.dtype, get.size, not varying)
         zero = "zeroinitializer" if varying else {F64: "0.0", BOOL: "false"}.get(get.dtype, "0")

@@ -31,12 +31,16 @@ def native_scan(
     keep: bool = False,
     reverse: bool = False,
     fallback: bool = False,
+    used: Any = None,
 ) -> tuple[Any, Any]:
     """`jax.lax.scan(body, carry, xs)` as one native loop; `(carry, ys)`, with ys None unless `keep`.
 
     `carry` is a pytree of numbers and small arrays, `xs` one whose leaves have a leading axis of K steps (or None, with
     `length`). `body(carry, x) -> (carry, y)` may close over anything. Under `jax.vmap`, nested too, lanes of the processor's
     vectors run over the batch; a lane gives the same bits whatever the size of the batch. float64, bool, int32, int64 and uint32.
+
+    `used` tells that only so many steps, a whole number, change anything: native code leaves the others out, and then their ys hold
+    anything. It may differ between lanes of outer `vmap`s, which are then worked off one after the other.
 
     Products that feed sums become fused multiply-adds and divisions by one number share its reciprocal, so results agree with
     lax.scan to rounding. There are no derivatives: use it inside custom rules.
@@ -48,7 +52,7 @@ def native_scan(
     try:
         if not available():
             raise NativeUnsupported("native code without llvmlite")
-        return _bound(body, carry, xs, length, keep, reverse)
+        return _bound(body, carry, xs, length, keep, reverse, used)
     except NativeUnsupported:
         if not fallback:
             raise
@@ -66,7 +70,7 @@ def supported(body: Callable, carry: Any, xs: Any, *, length: int | None = None,
     return True
 
 
-def _bound(body: Callable, carry: Any, xs: Any, length: int | None, keep: bool, reverse: bool) -> tuple[Any, Any]:
+def _bound(body: Callable, carry: Any, xs: Any, length: int | None, keep: bool, reverse: bool, used: Any) -> tuple[Any, Any]:
     leaves, tree = jax.tree.flatten(carry)
     rows, rows_tree = jax.tree.flatten(xs)
     steps = _length(rows, length)
@@ -77,8 +81,9 @@ def _bound(body: Callable, carry: Any, xs: Any, length: int | None, keep: bool, 
         raise TypeError(f"The body of native_scan turned a carry of {jax.tree.map(_brief, carry)} into {jax.tree.map(_brief, out_carry)}.")
     _, y_tree = jax.tree.flatten(out_y)
     consts = [jnp.asarray(c) for c in closed.consts]
-    loop = _loop(closed.jaxpr, consts, leaves, rows, steps, reverse)
-    out = loop_p.bind(*consts, *leaves, *rows, loop=loop, batch=(), present=((),) * (len(consts) + len(leaves) + len(rows)))
+    loop = _loop(closed.jaxpr, consts, leaves, rows, steps, reverse, used is not None)
+    operands = [*consts, *leaves, *rows, *([] if used is None else [jnp.asarray(used, dtype=jnp.int64)])]
+    out = loop_p.bind(*operands, loop=loop, batch=(), present=((),) * len(operands))
     return jax.tree.unflatten(tree, out[: len(leaves)]), jax.tree.unflatten(y_tree, out[len(leaves) :])
 
 
@@ -98,7 +103,7 @@ def _length(rows: Sequence[Any], length: int | None) -> int:
     return lengths.pop()
 
 
-def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequence[Any], steps: int, reverse: bool) -> Loop:
+def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequence[Any], steps: int, reverse: bool, ragged: bool) -> Loop:
     """Trace the body and run the passes; raises NativeUnsupported."""
     graph = Graph()
     tracer = Tracer(graph)
@@ -124,14 +129,14 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
     )
     _try(program)
     shapes = tuple((tuple(a.shape), np.dtype(a.dtype)) for a in (*leaves, *avals))
-    return Loop(program, jaxpr, shapes, len(consts), count, steps, reverse)
+    return Loop(program, jaxpr, shapes, len(consts), count, steps, reverse, ragged)
 
 
 def _try(program: Program) -> None:
     """Emit the largest block, so that NativeUnsupported is raised while tracing and not while lowering."""
     here = host()
     varies = [size <= LARGEST for _, size in program.constants] + [True] * (len(program.carry) + len(program.rows))
-    find_libm(make_kernel(program, Shape(here.width, here.vectors, False, False, tuple((v, v) for v in varies))).libm)
+    find_libm(make_kernel(program, Shape(here.width, here.vectors, False, False, False, tuple((v, v) for v in varies))).libm)
 
 
 def _kinds(values: Sequence[Any], skip: int) -> tuple[tuple[str, int], ...]:

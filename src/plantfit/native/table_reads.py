@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from plantfit.native.graph import Node, Region, all_regions, regions_of
 
-_UNCACHED = {"load", "loop", "while", "cond", "get", "pack", "update", "libm", "patched", "xload", "constant", "cload"}
+_UNCACHED = {"load", "loop", "while", "cond", "get", "pack", "update", "add_at", "libm", "patched", "xload", "constant", "cload"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ A record's residuals depend on its own coordinates only (the shared ones and tho
 that derivatives are taken in these q local coordinates; the zeros of a full Jacobian are never made.
 """
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,10 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native import NativeUnsupported
 from plantfit.simulate.batch import Batch
-from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule, rows_first
-from plantfit.simulate.side_by_side import squares_side_by_side
+from plantfit.simulate.record_rows import RecordRows, Records, filled, make_rows
+from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule
 from plantfit.simulate.simulator import Drive, Simulator
+from plantfit.simulate.whole_records import squares_of_records
 from plantfit.space import Space
 
 import jax
@@ -23,14 +26,14 @@ import jax.numpy as jnp
 
 WIDE = 256  # candidates that run side by side
 WIDE_GRADIENTS = 20
-FEW = 5  # candidates below which the lanes of the machine code run over records as well
 
 
 class Numbers(NamedTuple):
     """What compiled functions need and that is not compiled in; a pytree."""
 
     rows: Chunks
-    turned: Chunks  # the same, `rows_first`
+    records: Records | None  # those of `Batched.whole`
+    steps_first: Records | None
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
     scale: tuple[Any, ...]  # per output
@@ -45,6 +48,8 @@ class Batched:
     space: Space
     names: tuple[str, ...]
     rows: Schedule
+    whole: RecordRows | None  # for costs and gradients; None with too many edges, or with records of too unequal length
+    few_edges: bool
     picked: tuple[tuple[np.ndarray, ...], ...]  # per record and output: flat places in `rows` of what is scored
     local: np.ndarray  # (L, q) coordinates of every record
 
@@ -71,12 +76,15 @@ class Batched:
         linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
         rows = make_schedule(tracks, linear)
         picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
-        return cls(simulator, space, names, rows, picked, np.stack([space.local(name) for name in names]))
+        few_edges = Batch(simulator, rows.windows).few_edges(rows.chunks)
+        whole = make_rows(tracks, linear) if few_edges and filled(tracks) else None
+        return cls(simulator, space, names, rows, whole, few_edges, picked, np.stack([space.local(name) for name in names]))
 
     def alike(self, other: "Batched") -> bool:
         """Whether functions compiled for the other serve these records as well."""
-        shapes = [jax.tree.map(np.shape, b.rows.chunks) for b in (self, other)]
-        same = self.rows.windows == other.rows.windows and self.names == other.names and shapes[0] == shapes[1]
+        shapes = [jax.tree.map(np.shape, (b.rows.chunks, b.whole and b.whole.records)) for b in (self, other)]
+        windows = [(b.rows.windows, b.whole and b.whole.windows) for b in (self, other)]
+        same = windows[0] == windows[1] and self.names == other.names and shapes[0] == shapes[1]
         return same and all(np.array_equal(a, b) for a, b in zip(_flat(self.picked), _flat(other.picked), strict=True))
 
     def with_simulator(self, simulator: Simulator) -> "Batched":
@@ -88,7 +96,8 @@ class Batched:
         first = [drives[n] for n in self.names]
         return Numbers(
             self.rows.chunks,
-            rows_first(self.rows.chunks),
+            self.whole and self.whole.records,
+            self.whole and self.whole.steps_first,
             tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
             tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
             tuple(np.asarray(scales[o]) for o in self.simulator.vector.outputs),
@@ -108,7 +117,7 @@ class Batched:
     # -- pure functions of a cube point -------------------------------------------------------------
 
     def cost(self, z: Any, numbers: Numbers, *, reverse: bool = False) -> Any:
-        """Mean squared scaled residual at a cube point (d,); differentiable only with `reverse`, and backwards."""
+        """Mean squared scaled residual at a cube point (d,), chunk by chunk; differentiable only with `reverse`, and backwards."""
         p, x0 = self._start(z[self.local], numbers)
         squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, numbers.weight, reverse=reverse)
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
@@ -128,11 +137,18 @@ class Batched:
 
     def _costs(self, zs: Any, numbers: Numbers) -> Any:
         """Costs (n,) of cube points (n, d), side by side; differentiable backwards."""
-        if zs.shape[0] < FEW or not Batch(self.simulator, self.rows.windows).few_edges(numbers.rows):
-            return jax.vmap(lambda z: self.cost(z, numbers, reverse=True))(zs)
+        if self.whole is not None:
+            with contextlib.suppress(NativeUnsupported):
+                return self._of_whole_records(self.whole, zs, numbers)
+        return jax.vmap(lambda z: self.cost(z, numbers, reverse=True))(zs)
+
+    def _of_whole_records(self, whole: RecordRows, zs: Any, numbers: Numbers) -> Any:
+        """Costs (n,) by one native loop; raises NativeUnsupported."""
         p, x0 = jax.vmap(lambda z: self._start(z[self.local], numbers), out_axes=-1)(zs)
         p = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2), p)
-        squares = squares_side_by_side(self.simulator, self.rows.windows, p, x0, numbers.turned, numbers.weight)
+        together = whole.together(zs.shape[0])
+        records = numbers.steps_first if together else numbers.records
+        squares = squares_of_records(self.simulator, whole.windows, p, x0, records, numbers.weight, steps_first=together)
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
 
     def residuals(self, z: Any, numbers: Numbers) -> Any:
@@ -145,8 +161,7 @@ class Batched:
 
     def blocks(self, z: Any, numbers: Numbers) -> list[tuple[Any, Any]]:
         """For every record its scaled residuals (m_k,) and their derivatives (m_k, q) by its local coordinates."""
-        batch = Batch(self.simulator, self.rows.windows)
-        r, columns = (self._pulled if batch.few_edges(numbers.rows) else self._pushed)(z[self.local], numbers)
+        r, columns = (self._pulled if self.few_edges else self._pushed)(z[self.local], numbers)
         return [
             (
                 jnp.concatenate([jnp.take(a, i) * w for a, i in zip(r, record, strict=True)]),
@@ -161,7 +176,7 @@ class Batched:
 
     def _makers(self, local, numbers: Numbers):
         """(L, e, q): derivatives of all entries of parameters and initial states by the local coordinates."""
-        if not Batch(self.simulator, self.rows.windows).few_edges(numbers.rows):
+        if not self.few_edges:
             return jnp.broadcast_to(jnp.eye(local.shape[1]), (len(local), local.shape[1], local.shape[1]))
 
         def flat(z, first_input, first_output):

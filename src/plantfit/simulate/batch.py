@@ -34,20 +34,22 @@ class Batch:
 
         Squares of record l count `weight[l]` times, (L,), once without.
         """
-        totals = tuple(jnp.zeros(()) for _ in chunks.measured)
 
         def body(carry, chunk: Chunks):
-            x, totals = carry
+            x, own, totals = carry
             p_rows, x = self._enter(p, x0, x, chunk)
-            plain = lambda: self._running(p_rows, x, chunk, False, reverse)  # noqa: E731
-            late = lambda: self._running(p_rows, x, chunk, True, reverse)  # noqa: E731
-            x, more = self._choose(chunk, plain, late)
-            if weight is not None:
-                more = tuple(m * weight.at[chunk.lane].get(mode="promise_in_bounds") for m in more)
-            return (x, tuple(a + jnp.sum(b) for a, b in zip(totals, more, strict=True))), None
+            # in the order of the steps, so that a record's sum has the bits that `whole_records` gives it
+            own = tuple(jnp.where(chunk.first, 0.0, a) for a in own)
+            plain = lambda: self._running(p_rows, x, own, chunk, False, reverse)  # noqa: E731
+            late = lambda: self._running(p_rows, x, own, chunk, True, reverse)  # noqa: E731
+            x, own = self._choose(chunk, plain, late)
+            return (x, own, tuple(a.at[chunk.lane].set(b) for a, b in zip(totals, own, strict=True))), None
 
-        (_, totals), _ = jax.lax.scan(body, (self._empty(x0, chunks), totals), chunks)
-        return totals
+        none = tuple(0.0 * x0[0] for _ in chunks.measured)
+        empty = self._empty(x0, chunks)
+        begin = (empty, tuple(0.0 * empty[0] for _ in none), none)
+        (_, _, totals), _ = jax.lax.scan(body, begin, chunks)
+        return tuple(jnp.sum(t if weight is None else weight * t) for t in totals)
 
     def few_edges(self, chunks: Chunks) -> bool:
         """Whether `slopes` can be used: no chunk has more late edges than straight code is written for."""
@@ -133,14 +135,15 @@ class Batch:
 
     # -- sums without trajectories ------------------------------------------------------------------
 
-    def _running(self, p_rows, x, chunk: Chunks, late: bool, reverse: bool):
-        """States at the end and the sums (R,) over the chunk."""
+    def _running(self, p_rows, x, totals, chunk: Chunks, late: bool, reverse: bool):
+        """States at the end, and the sums (R,) with those over the chunk."""
         if late and sum(k.knots.shape[0] for k in chunk.knots) > MOST_EDGES:
             x, y = self._trajectory(p_rows, x, chunk, True, reverse)
-            return x, tuple(jnp.sum(_scored(a, m, w) ** 2, axis=0) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True))
+            more = (jnp.sum(_scored(a, m, w) ** 2, axis=0) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True))
+            return x, tuple(a + b for a, b in zip(totals, more, strict=True))
         run = summed(self.simulator, late, reverse=reverse)
         row = Row(chunk.t[:-1], chunk.t[1:], chunk.start, chunk.slope, chunk.at, chunk.measured, chunk.scored)
-        return jax.vmap(run, in_axes=(0, 0, -1, -1))(p_rows, x, row, chunk.knots)
+        return jax.vmap(run, in_axes=(0, 0, 0, -1, -1))(p_rows, x, totals, row, chunk.knots)
 
     # -- trajectories -------------------------------------------------------------------------------
 

@@ -124,71 +124,60 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
 
 
 @_kept
-def kept_sums(simulator: Simulator, edges: bool) -> Callable:
-    """`run(p, x, rows, around, keep) -> ((x, totals), before)`: the states after all intervals of one row and the sums of squares by
-    output; with `keep` the states before every interval too, a tuple of (C,)."""
+def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
+    """`run(p, x, totals, rows, around) -> (x, totals)`: the states after all intervals of one row, the sums with its squares by output.
+
+    With `reverse` it can be differentiated backwards by p, x and totals.
+    """
     advance = interval(simulator, edges)
 
-    @partial(jax.jit, static_argnums=4, inline=True)
-    def run(p, x, rows: Row, around, keep: bool):
+    @partial(jax.jit, static_argnums=5, inline=True)
+    def loop(p, x, totals, rows: Row, around, keep: bool):
         def body(carry, row):
             before, totals = carry
             x, residuals = advance(p, before, row, around)
             return (x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), before
 
-        totals = tuple(jnp.zeros(()) for _ in rows.measured)
         return native_scan(body, (x, totals), rows, keep=keep, fallback=True)
 
-    return run
-
-
-@_kept
-def pulled_back(simulator: Simulator, edges: bool) -> Callable:
-    """`pull(p, before, rows, around, adjoint, weights, gradient) -> (gradient, adjoint)`: backwards through the intervals of one row.
-
-    `before` as `kept_sums` keeps it, `weights` the derivatives by the totals, `adjoint` those by the states: after the row, then before
-    it. The derivatives by p are added to `gradient`, a tree like p.
-    """
-    advance = interval(simulator, edges)
-
     @partial(jax.jit, inline=True)
-    def pull(p, before, rows: Row, around, adjoint, weights, gradient):
+    def pull(p, before, rows: Row, around, adjoint, weights):
         def body(carry, step):
-            adjoint, gradient = carry
             x, row = step
-            (_, residuals), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
-            dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals, strict=True))))
-            return (dx, jax.tree.map(jnp.add, gradient, dp)), None
+            return pulled(advance, p, x, row, around, carry, weights), None
 
-        (adjoint, gradient), _ = native_scan(body, (adjoint, gradient), (before, rows), reverse=True, fallback=True)
-        return gradient, adjoint
+        begin = adjoint, jax.tree.map(jnp.zeros_like, p)
+        return native_scan(body, begin, (before, rows), reverse=True, fallback=True)[0]
 
-    return pull
-
-
-@_kept
-def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
-    """`run(p, x, rows, around) -> (x, totals)` of `kept_sums`; with `reverse` it can be differentiated backwards by p and x."""
-    loop = kept_sums(simulator, edges)
     if not reverse:
-        return lambda p, x, rows, around: loop(p, x, rows, around, False)[0]
-    pull = pulled_back(simulator, edges)
+        return lambda p, x, totals, rows, around: loop(p, x, totals, rows, around, False)[0]
 
     @jax.custom_vjp
-    def run(p, x, rows, around):
-        return loop(p, x, rows, around, False)[0]
+    def run(p, x, totals, rows, around):
+        return loop(p, x, totals, rows, around, False)[0]
 
-    def forwards(p, x, rows, around):
-        ended, before = loop(p, x, rows, around, True)
+    def forwards(p, x, totals, rows, around):
+        ended, before = loop(p, x, totals, rows, around, True)
         return ended, (p, before, rows, around)
 
     def backwards(saved, cotangents):
-        p, before, rows, around = saved
-        dp, dx = pull(p, before, rows, around, *cotangents, jax.tree.map(jnp.zeros_like, p))
-        return dp, dx, None, None
+        adjoint, weights = cotangents
+        dx, dp = pull(*saved, adjoint, weights)
+        return dp, dx, weights, None, None
 
     run.defvjp(forwards, backwards)
     return run
+
+
+def pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:
+    """(adjoint, gradient) before an interval, of those after it, for an `advance` as `interval` makes it.
+
+    `x` are the states before the interval, `weights` the derivatives by the sums of squares.
+    """
+    adjoint, gradient = carry
+    (_, residuals), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
+    dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals, strict=True))))
+    return dx, jax.tree.map(jnp.add, gradient, dp)
 
 
 @_kept

@@ -15,8 +15,6 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.simulator import Drive
 
-import jax
-
 SIZES = (64, 128, 256, 512, 1024, 2048, 4096)
 PADDING = 0.2  # largest share of steps that only fill up rows
 
@@ -55,11 +53,6 @@ class Chunks(NamedTuple):
     scored: tuple[Any, ...]  # bool
 
 
-def rows_first(chunks: Chunks) -> Chunks:
-    """The same numbers with rows before intervals: (M, R, C) for (M, C, R)."""
-    return jax.tree.map(lambda a: np.ascontiguousarray(np.swapaxes(a, 1, 2)) if np.ndim(a) == 3 else a, chunks)
-
-
 @dataclass(frozen=True)
 class Schedule:
     """`chunks` with what shapes a program: rows, size, and whether windows are in none, all or some of the chunks."""
@@ -92,6 +85,9 @@ def make_schedule(tracks: Sequence[Track], interpolated: Sequence[bool], rows: i
             lane[begin + c, row], first[begin + c, row] = k, c == 0
         n = np.arange(len(tracks[k].drive.t))
         place.append(((begin + n // size) * size + n % size) * rows + row)
+    for row in range(rows):
+        k = max((k for k, (own, _) in enumerate(placed) if own == row), key=lambda k: placed[k][1])
+        lane[placed[k][1] :, row] = k  # also where the row is idle afterwards
     stacked = _stack(grid)
     live = [np.any(np.isfinite(q.knots), axis=(1, 2)) for q in stacked["knots"]]
     window = np.any(live, axis=0) if live else np.zeros(length, bool)

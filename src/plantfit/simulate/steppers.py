@@ -45,20 +45,43 @@ def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
     """
     n = len(x)
     f, jacobian = _jacobian(rate, x, u0, p, pattern)
-    if varying:
-        _, d = _drift(rate, x, u0, u1, p)
-        right, moved = [a + 0.5 * b for a, b in zip(f, d, strict=True)], [a + b for a, b in zip(f, d, strict=True)]
-    else:
-        right, moved = list(f), list(f)
     z = [[_times(h, a) for a in row] for row in jacobian]
-    right = [_plus(a, _times(-1.0 / 6.0, _dot(row, moved))) for a, row in zip(right, z, strict=True)]
+    d = _drift(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
+    v = (_rational_pair if n == 2 else _rational)(z, f, d)
+    return tuple(a + h * b for a, b in zip(x, v, strict=True))
+
+
+def _rational(z, f, d):
+    """v = (I - 2/3 Z + 1/6 Z^2)^-1 (f + d/2 - Z (f + d) / 6)."""
+    n = len(f)
+    moved = [_plus(a, b) for a, b in zip(f, d, strict=True)]
+    right = [_plus(_plus(a, _times(0.5, b)), _times(-1.0 / 6.0, _dot(row, moved))) for a, b, row in zip(f, d, z, strict=True)]
     square = [[_dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
     matrix = [
         [_plus(1.0 if i == j else 0.0, _plus(_times(-2.0 / 3.0, z[i][j]), _times(1.0 / 6.0, square[i][j]))) for j in range(n)]
         for i in range(n)
     ]
-    v = factored(matrix)(right)
-    return tuple(a + h * b for a, b in zip(x, v, strict=True))
+    return factored(matrix)(right)
+
+
+def _rational_pair(z, f, d):
+    """`_rational` for two states. Z^2 = tr(Z) Z - det(Z) I, so the matrix is a I + b Z and its inverse ((a + b tr) I - b Z)/e;
+    what it makes of c y - Z y / 6 is a sum of y and Z y."""
+    trace = _plus(z[0][0], z[1][1])
+    det = _plus(_times(z[0][0], z[1][1]), _times(-1.0, _times(z[0][1], z[1][0])))
+    a, b = _plus(1.0, _times(-1.0 / 6.0, det)), _plus(-2.0 / 3.0, _times(1.0 / 6.0, trace))
+    # e = a^2 + a b tr + b^2 det, without the terms that cancel
+    inverse = 1.0 / _plus(_times(a, a), _times(b, _plus(trace, _times(-2.0 / 3.0, det))))
+    a, b = a * inverse, b * inverse
+
+    def solved(c, y):
+        if all(map(_zero, y)):
+            return [0.0, 0.0]
+        own = _plus(_times(c, a), _times(b, _plus(_times(c, trace), _times(-1.0 / 6.0, det))))
+        turned = _plus(_times(c, b), _times(1.0 / 6.0, a))
+        return [_plus(_times(own, r), _times(-1.0, _times(turned, _dot(row, y)))) for row, r in zip(z, y, strict=True)]
+
+    return [_plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
 
 
 def _jacobian(rate, x, u, p, pattern):

@@ -11,6 +11,7 @@ from typing import Any
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
+from plantfit.models.tables import shared_cells
 from plantfit.simulate.dependencies import dependencies
 
 import jax.numpy as jnp
@@ -48,10 +49,12 @@ def vectorise(model: Model) -> VectorModel:
     def rate(x, u, p):
         if model.derivative is None:
             return ()
-        return _picked(model.derivative(*named(x, u, p)), states, model, "derivative")
+        with shared_cells():
+            return _picked(model.derivative(*named(x, u, p)), states, model, "derivative")
 
     def output(x, u, p):
-        return _picked(model.output(*named(x, u, p)), outputs, model, "output")
+        with shared_cells():
+            return _picked(model.output(*named(x, u, p)), outputs, model, "output")
 
     reads = dependencies(rate, *placeholders(model))
     pattern = tuple(tuple(j in row for j in range(len(states))) for row in reads)

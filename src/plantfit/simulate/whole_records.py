@@ -1,0 +1,122 @@
+"""Costs of candidates side by side, and their gradients, in one native loop over whole records.
+
+Many candidates are the lanes of the machine code, and records are worked off one after the other, each to its own end. Of few
+candidates the records are the lanes (`steps_first`). Arrays have the axes that the code wants, so that nothing is transposed on the
+way. An interval into which the edge of a delayed input can fall takes another branch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import plantfit.runtime  # noqa: F401
+from plantfit.native import native_scan
+from plantfit.simulate.intervals import Row, interval, pulled
+from plantfit.simulate.record_rows import Records
+from plantfit.simulate.simulator import Simulator
+
+import jax
+import jax.numpy as jnp
+
+
+def squares_of_records(
+    simulator: Simulator, windows: str, p: Any, x0: Any, records: Records, weight: Any = None, *, steps_first: bool = False
+) -> tuple[Any, ...]:
+    """Sum of squared residuals of every output, a tuple of (n,), for n candidates; it can be differentiated backwards by p and x0.
+
+    `windows` as in `RecordRows`; leaves of `p` are (..., L, n) in the order of the simulator's parameters, those of `x0` (L, n);
+    squares of record l count `weight[l]` times, (L,), once without. `steps_first` tells that `records` are those of `RecordRows`.
+    Raises NativeUnsupported for a model without native code.
+    """
+    loops = _Loops(simulator, windows, 1 if steps_first else 0)
+
+    @jax.custom_vjp
+    def totals(p, x0):
+        return _joined(loops.forwards(p, x0, records, keep=False)[0], weight)
+
+    def forwards(p, x0):
+        squares, before = loops.forwards(p, x0, records, keep=True)
+        return _joined(squares, weight), (p, before)
+
+    def backwards(saved, cotangents):
+        p, before = saved
+        weights = tuple(jnp.ones((records.used.shape[0], 1)) * c if weight is None else weight[:, None] * c for c in cotangents)
+        return loops.backwards(p, before, weights, records)
+
+    totals.defvjp(forwards, backwards)
+    return totals(p, x0)
+
+
+def _joined(squares: tuple[Any, ...], weight: Any) -> tuple[Any, ...]:
+    """Sums over the records (L, n)."""
+    return tuple(jnp.sum(s if weight is None else weight[:, None] * s, axis=0) for s in squares)
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """`place` is the axis of the records in what changes from interval to interval."""
+
+    simulator: Simulator
+    windows: str
+    place: int
+
+    def forwards(self, p: Any, x0: Any, records: Records, *, keep: bool) -> tuple[Any, Any]:
+        """Squares by output (L, n); with `keep` the states before every interval, a tuple of (L, K, n) or (K, L, n)."""
+        advance = _chosen(self.windows, lambda edges: interval(self.simulator, edges))
+
+        def run(p, x0, rows, used):
+            def body(carry, step):
+                x, totals = carry
+                row, late, knots = step
+                later, residuals = advance(late, p, x, row, knots)
+                return (later, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), x
+
+            begin = x0, tuple(jnp.zeros(()) for _ in rows[0].measured)
+            (_, totals), before = native_scan(body, begin, rows, keep=keep, used=used)
+            return totals, before if keep else ()
+
+        over = self._over_all(run, ("tables", "numbers", "rows", "ends"), ("numbers", "states"))
+        return over(p, x0, self._rows(records), self._ends(records))
+
+    def backwards(self, p: Any, before: Any, weights: Any, records: Records) -> tuple[Any, Any]:
+        """Derivatives by p and x0."""
+        pull = _chosen(self.windows, lambda edges: partial(pulled, interval(self.simulator, edges)))
+
+        def run(p, before, weights, rows, used):
+            def body(carry, step):
+                x, (row, late, knots) = step
+                return pull(late, p, x, row, knots, carry, weights), None
+
+            begin = tuple(jnp.zeros(()) for _ in before), jax.tree.map(jnp.zeros_like, p)
+            (adjoint, found), _ = native_scan(body, begin, (before, rows), reverse=True, used=used)
+            return found, adjoint
+
+        over = self._over_all(run, ("tables", "states", "numbers", "rows", "ends"), ("tables", "numbers"))
+        return over(p, before, weights, self._rows(records), self._ends(records))
+
+    def _over_all(self, run: Callable, given: tuple[str, ...], found: tuple[str, ...]) -> Callable:
+        """`run` over candidates and records: "tables" are (..., L, n), "numbers" (L, n), "rows" have no candidates, "states" have both."""
+        candidates = {"tables": -1, "numbers": -1, "rows": None, "states": -1, "ends": None}
+        records = {"tables": -2, "numbers": 0, "rows": self.place, "states": self.place, "ends": None if self.place else 0}
+        for axes in (candidates, records):
+            run = jax.vmap(run, in_axes=tuple(axes[a] for a in given), out_axes=tuple(axes[a] for a in found))
+        return run
+
+    def _rows(self, records: Records) -> tuple[Row, Any, Any]:
+        r = records
+        t = (r.t[:-1], r.t[1:]) if self.place else (r.t[:, :-1], r.t[:, 1:])
+        return Row(*t, r.start, r.slope, r.at, r.measured, r.scored), r.late, r.knots
+
+    def _ends(self, records: Records) -> Any:
+        # as lanes the records go on together to the end of the longest
+        return None if self.place else records.used
+
+
+def _chosen(windows: str, of: Callable[[bool], Callable]) -> Callable:
+    """The function for intervals with edges or the one without: by a first argument where there are both."""
+    if windows != "some":
+        one = of(windows == "all")
+        return lambda late, *given: one(*given)
+    with_edges, without = of(True), of(False)
+    return lambda late, *given: jax.lax.cond(late, with_edges, without, *given)

@@ -1,0 +1,77 @@
+"""The exponential step of two states, which has a closed form, against numpy and against the general form."""
+
+import numpy as np
+import pytest
+
+import plantfit.runtime  # noqa: F401
+from plantfit.models.tables import lookup, shared_cells
+from plantfit.simulate import steppers
+
+import jax
+import jax.numpy as jnp
+
+STIFF = [[-1e6, 3e5], [1.0, -2.0]]
+OSCILLATING = [[0.0, 40.0], [-50.0, -0.3]]
+CASES = {
+    "any": np.random.default_rng(0).normal(size=(2, 2)),
+    "large": 1e4 * np.random.default_rng(1).normal(size=(2, 2)),
+    "stiff": np.array(STIFF),
+    "oscillating": np.array(OSCILLATING),
+    "double integrator": np.array([[0.0, 1.0], [0.0, 0.0]]),
+    "at rest": np.zeros((2, 2)),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("d", [(0.0, 0.0), (0.7, 0.0), (-0.4, 1.3)])
+def test_it_solves_the_equation(name, d):
+    z, f = CASES[name], np.array([1.2, -0.7])
+    matrix = np.eye(2) - 2 / 3 * z + z @ z / 6
+    wanted = np.linalg.solve(matrix, f + np.array(d) / 2 - z @ (f + d) / 6)
+    rows = [[float(a) for a in row] for row in z]  # zeros stay Python floats, as the pattern of a model leaves them
+    found = steppers._rational_pair([[a and jnp.asarray(a) for a in row] for row in rows], [*map(jnp.asarray, f)], d)
+    condition = np.linalg.cond(matrix)
+    np.testing.assert_allclose(found, wanted, rtol=1e-14 * max(10.0, condition))
+    residual = matrix @ np.asarray(found) - (f + np.array(d) / 2 - z @ (f + d) / 6)
+    assert np.max(np.abs(residual)) < 1e-14 * np.max(np.abs(matrix)) * max(1.0, np.max(np.abs(found)))
+
+
+def test_steps_and_slopes_equal_those_of_three_states_with_an_idle_one():
+    """The general form is used as soon as there is a third state."""
+
+    def rate(x, u, p):
+        return (x[1], -p * jnp.sin(x[0]) * 30.0 - 0.4 * x[1] + u[0])
+
+    def idle(x, u, p):
+        return (*rate(x, u, p), -1.0 * x[2])
+
+    def step(rate, x, p):
+        return steppers.exponential(rate, x, (1.0,), (1.5,), 0.05, p, True)
+
+    x, p = (0.3, -0.2), 1.7
+    for k in range(2):
+        pair = jax.value_and_grad(lambda x, p, k=k: step(rate, x, p)[k], argnums=(0, 1))(x, p)
+        three = jax.value_and_grad(lambda x, p, k=k: step(idle, (*x, 1.0), p)[k], argnums=(0, 1))(x, p)
+        np.testing.assert_allclose(jax.tree.leaves(pair), jax.tree.leaves(three), rtol=1e-12)
+
+
+def test_a_place_in_tables_that_is_looked_up_once_keeps_values_and_slopes():
+    nodes, other = (0.0, 1.0, 2.5, 4.0), (0.0, 2.0, 4.0)
+    values = [jnp.asarray(np.random.default_rng(k).normal(size=4)) for k in range(2)]
+
+    def apart(x, values):
+        return lookup(values[0], nodes, x) * lookup(values[1], nodes, x) + lookup(values[0][:3], other, x) * lookup(
+            values[1], nodes, 0.5 * x
+        )
+
+    def together(x, values):
+        with shared_cells():
+            return apart(x, values)
+
+    for x in (-0.5, 0.0, 1.0, 1.7, 3.9, 4.0, 5.0):
+        a, b = (jax.value_and_grad(f, argnums=(0, 1))(x, values) for f in (apart, together))
+        np.testing.assert_allclose(jax.tree.leaves(a)[0], jax.tree.leaves(b)[0], rtol=0)
+        for s, t in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            np.testing.assert_allclose(s, t, rtol=1e-14, atol=1e-15)
+        bent = [jax.grad(jax.grad(f))(x, values) for f in (apart, together)]
+        np.testing.assert_allclose(bent[0], bent[1], rtol=1e-14, atol=1e-15)
