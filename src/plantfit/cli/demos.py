@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cli.out import out, print_json, progress_line, verdict
-from plantfit.errors import SpecError
+from plantfit.errors import Interrupted, SpecError
 
 
 def listed(json: bool) -> None:
@@ -30,18 +30,21 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     sentence, load = known[name]
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n")
-    began = time.perf_counter()
-    run = load()
-    if full and "full" not in inspect.signature(run).parameters:
-        raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
-    with progress_line(json) as tell:
-        record = run(Path(folder) / name, progress=tell, **({"full": True} if full else {}))
+    began, place = time.perf_counter(), Path(folder) / name
+    try:
+        run = load()
+        if full and "full" not in inspect.signature(run).parameters:
+            raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
+        with progress_line(json) as tell:
+            record = run(place, progress=tell, **({"full": True} if full else {}))
+    except KeyboardInterrupt:
+        raise Interrupted(f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew.") from None
     names = [f"{_file(a.problem.name)}.html" for a in record["answers"]]
-    pages = [a.report(Path(folder) / name / file) for a, file in zip(record["answers"], names, strict=True)]
+    pages = [a.report(place / file) for a, file in zip(record["answers"], names, strict=True)]
     if record["sections"]:
         from plantfit.report.case_page import write_case_page
 
-        pages.insert(0, write_case_page(record, Path(folder) / name / f"{name}.html", names))
+        pages.insert(0, write_case_page(record, place / f"{name}.html", names))
     reports = [str(page.resolve()) for page in pages]
     if json:
         plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}

@@ -5,14 +5,27 @@ Exit codes: 0 done; 2 wrong arguments; 3 recording; 4 unit; 5 model or equation;
 """
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from plantfit.cli import bench, sensitivity
-from plantfit.errors import PlantfitError
+from plantfit.errors import Interrupted, PlantfitError
+
+
+class _Commands(TyperGroup):
+    """The commands; one that is stopped by Ctrl-C and keeps nothing of its own says so."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("Stopped by Ctrl-C; nothing was left running. Run the command again to begin anew.") from None
+
 
 app = typer.Typer(
+    cls=_Commands,
     name="plantfit",
     help="From recordings of machines and processes to physical parameters that can be trusted.",
     no_args_is_help=True,

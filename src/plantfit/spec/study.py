@@ -1,7 +1,8 @@
 """A study file as a problem and a plan."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,17 +66,18 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
     if table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
-    problem = Problem(
-        model,
-        experiments,
-        {n: _parameter(p) for n, p in table.parameters.items()},
-        scales=table.scales,
-        balance=table.balance,
-        hold=table.model.hold,
-        stepper=table.simulation.stepper,
-        substeps=table.simulation.substeps,
-        name=table.name,
-    )
+    with _naming(path.name):
+        problem = Problem(
+            model,
+            experiments,
+            {n: _parameter(p) for n, p in table.parameters.items()},
+            scales=table.scales,
+            balance=table.balance,
+            hold=table.model.hold,
+            stepper=table.simulation.stepper,
+            substeps=table.simulation.substeps,
+            name=table.name,
+        )
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
     return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
 
@@ -102,10 +104,17 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
     m = table.model
     if (m.kind is None) == (m.equations is None):
         raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')
-    try:
+    with _naming(f"{path.name}, [model]"):
         return library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
+
+
+@contextmanager
+def _naming(place: str) -> Iterator[None]:
+    """Errors from within say where in the study file their cause is."""
+    try:
+        yield
     except PlantfitError as error:
-        error.args = (f"{path.name}, [model]: {error}",)
+        error.args = (f"{place}: {error}",)
         raise
 
 
@@ -132,11 +141,8 @@ def _from_text(table: SpecTable) -> Model:
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
         raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
-    try:
+    with _naming(f"{path.name}, [model] filter_alike"):
         columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
-    except PlantfitError as error:
-        error.args = (f"{path.name}, [model] filter_alike: {error}",)
-        raise
     return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}
 
 
