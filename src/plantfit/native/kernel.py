@@ -70,7 +70,7 @@ class _Kernel:
         self.e = Emitter(shape.width, shape.vectors, self.uniformity.varies, self._constant_storage)
         self.buffers = Buffers(self.e, self.inputs, outputs, shape.narrow)
         self.sums = HeldSums(self.e, table_sums(program.body))
-        self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body), self.sums)
+        self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body), self.sums, self._read)
         self.first_carry, self.first_row = len(program.constants), len(program.constants) + len(program.carry)
 
     def _leaf_varies(self, node: Node) -> bool:
@@ -130,7 +130,7 @@ class _Kernel:
         e, buffers, program = self.e, self.buffers, self.program
         buffers.row = "0"
         end = self._end()
-        self._region(program.prologue)
+        self.regions.emit(program.prologue)
         params = program.body.params
         places = self._begin()
         (step,) = e.filled_slots("i64", ["0"])
@@ -143,7 +143,7 @@ class _Kernel:
         buffers.row = e.put(f"sub i64 {e.put(f'sub i64 {end}, 1')}, {k}") if self.shape.reverse else k
         for param, place in zip(params, places, strict=True):
             fetch(e, param, place)
-        self._region(program.body)
+        self.regions.emit(program.body)
         self._write_rows(program.body.results[len(params) :])
         renew(e, params, program.body.results[: len(params)], places)
         e.line(f"store i64 {e.put(f'add i64 {k}, 1')}, ptr {step}")
@@ -160,16 +160,10 @@ class _Kernel:
         place = self.e.put(f"add i64 {self.buffers.group}, 3")
         return self.e.put(f"load i64, ptr {self.e.put(f'getelementptr i64, ptr %sizes, i64 {place}')}")
 
-    def _region(self, region: Region) -> None:
-        """The loads of a region from the buffers, then its other nodes."""
-        rest: list[Node] = []
-        for node in region.code:
-            if node.op in ("cload", "xload"):
-                leaf, entry = node.data
-                self.e.define(node, self.buffers.read(leaf + (self.first_row if node.op == "xload" else 0), entry))
-            else:
-                rest.append(node)
-        self.regions.emit(Region(region.depth, region.params, rest, region.results))
+    def _read(self, node: Node) -> None:
+        """A load from the buffers."""
+        leaf, entry = node.data
+        self.e.define(node, self.buffers.read(leaf + (self.first_row if node.op == "xload" else 0), entry))
 
     # -- constants, carry and results ---------------------------------------------------------------
 

@@ -1,4 +1,5 @@
-"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add.
+"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add, and
+reads of step data moved to the branch that needs them.
 
 Contraction is decided here and not by LLVM, so that a lane gives the same bits in every batch.
 """
@@ -21,6 +22,8 @@ def run_passes(regions: Sequence[Region], *, contract: bool) -> None:
         _eliminate_dead_code(regions)
         _contract(regions)
     _eliminate_dead_code(regions)
+    for top in regions:
+        _sink_rows(top)
 
 
 def _eliminate_dead_code(regions: Sequence[Region]) -> None:
@@ -42,6 +45,34 @@ def _eliminate_dead_code(regions: Sequence[Region]) -> None:
     for top in regions:
         for region in all_regions(top):
             region.code = [n for n in region.code if id(n) in used]
+
+
+def _sink_rows(region: Region) -> None:
+    """What a step reads only for one branch is read there."""
+    readers: dict[int, list[tuple[Node, int] | None]] = {}  # by node: the branches that read it, None for the region itself
+
+    def note(node: Node, place: tuple[Node, int] | None) -> None:
+        places = readers.setdefault(id(node), [])
+        if place not in places:
+            places.append(place)
+
+    for node in region.code:
+        for a in node.args:
+            note(a, None)
+        for k, inner in enumerate(regions_of(node)):
+            for one in all_regions(inner):
+                for a in (*(a for n in one.code for a in n.args), *one.results):
+                    note(a, (node, k) if node.op == "cond" else None)
+    for a in region.results:
+        note(a, None)
+    kept: list[Node] = []
+    for node in region.code:
+        place = readers[id(node)][0] if node.op == "xload" and len(readers[id(node)]) == 1 else None
+        if place is None:
+            kept.append(node)
+        else:
+            place[0].data[place[1]].code.insert(0, node)
+    region.code = kept
 
 
 def _share_reciprocals(region: Region) -> None:

@@ -28,10 +28,13 @@ _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
 
 
 class RegionEmitter:
-    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `tops` are the regions that contain all others."""
+    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `read` defines a load from the buffers, `tops` are
+    the regions that contain all others."""
 
-    def __init__(self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums):
-        self.e, self._cached, self._sums = emitter, cached, sums
+    def __init__(
+        self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums, read: Callable[[Node], None]
+    ):
+        self.e, self._cached, self._sums, self._read = emitter, cached, sums, read
         self._gets: dict[Node, list[Node]] = {}  # the results taken from each loop and branch
         for top in tops:
             for node in walk(top):
@@ -42,7 +45,12 @@ class RegionEmitter:
         """The nodes of a region, in order; arrays that are `lent` to it may be overwritten."""
         in_place, lent_on = updated_in_place(region, lent), lent_to_branches(region, lent)
         for node in region.code:
+            if node.op in ("cload", "xload"):
+                self._read(node)
+        for node in region.code:
             reads = self._cached.get(node)
+            if node.op in ("cload", "xload"):
+                continue
             if reads is not None and self.e.varies(reads.index):
                 if node is reads.nodes[0]:
                     self._emit_cached(reads)

@@ -124,7 +124,13 @@ class Batched:
 
     def costs(self, zs: Any, numbers: Numbers) -> Any:
         """Costs (n,) of cube points (n, d)."""
-        return _in_groups(lambda z: self._costs(z, numbers), zs, WIDE)
+
+        def costs(z):
+            if self.whole is not None and self.whole.together(z.shape[0]):  # rows of chunks have fewer idle lanes
+                return jax.vmap(lambda z: self.cost(z, numbers))(z)
+            return self._costs(z, numbers)
+
+        return _in_groups(costs, zs, WIDE)
 
     def values_and_gradients(self, zs: Any, numbers: Numbers) -> tuple[Any, Any]:
         """Costs (n,) and gradients (n, d)."""
