@@ -78,7 +78,13 @@ def _count_or_top(m: Arithmetic, count: Node, top: int) -> Node:
     return m.select(inside, count, m.integer(top, count.dtype))
 
 
+def _empty(m: Arithmetic, *, dtype: Any, **_: Any) -> Node:
+    return m.graph.const(0, dtype_of(dtype))
+
+
 SCALAR_RULES: dict[str, Callable] = {
+    "empty": _empty,
+    "empty2": _empty,
     "add": lambda m, a, b, **_: m.op("or", a, b) if a.dtype == BOOL else m.add(a, b),
     "add_any": lambda m, a, b, **_: m.op("or", a, b) if a.dtype == BOOL else m.add(a, b),
     "sub": lambda m, a, b, **_: m.sub(a, b),

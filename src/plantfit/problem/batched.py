@@ -126,30 +126,32 @@ class Batched:
         """Costs (n,) of cube points (n, d)."""
 
         def costs(z):
-            if self.whole is not None and self.whole.together(z.shape[0]):  # rows of chunks have fewer idle lanes
-                return jax.vmap(lambda z: self.cost(z, numbers))(z)
-            return self._costs(z, numbers)
+            # of few candidates, rows of chunks have fewer idle lanes
+            if self.whole is not None and not self.whole.together(z.shape[0]):
+                with contextlib.suppress(NativeUnsupported):
+                    return self._of_whole_records(self.whole, z, numbers)
+            return jax.vmap(lambda z: self.cost(z, numbers))(z)
 
         return _in_groups(costs, zs, WIDE)
 
     def values_and_gradients(self, zs: Any, numbers: Numbers) -> tuple[Any, Any]:
         """Costs (n,) and gradients (n, d)."""
 
+        def pulled(costs, z):
+            found, pull = jax.vjp(costs, z)
+            return found, pull(jnp.ones_like(found))[0]
+
         def both(z):
-            costs, pull = jax.vjp(lambda z: self._costs(z, numbers), z)
-            return costs, pull(jnp.ones_like(costs))[0]
+            whole = self.whole
+            if whole is not None:
+                with contextlib.suppress(NativeUnsupported):
+                    return pulled(lambda z: self._of_whole_records(whole, z, numbers), z)
+            return pulled(jax.vmap(lambda z: self.cost(z, numbers, reverse=True)), z)
 
         return _in_groups(both, zs, WIDE_GRADIENTS)
 
-    def _costs(self, zs: Any, numbers: Numbers) -> Any:
-        """Costs (n,) of cube points (n, d), side by side; differentiable backwards."""
-        if self.whole is not None:
-            with contextlib.suppress(NativeUnsupported):
-                return self._of_whole_records(self.whole, zs, numbers)
-        return jax.vmap(lambda z: self.cost(z, numbers, reverse=True))(zs)
-
     def _of_whole_records(self, whole: RecordRows, zs: Any, numbers: Numbers) -> Any:
-        """Costs (n,) by one native loop; raises NativeUnsupported."""
+        """Costs (n,) by one native loop, differentiable backwards; raises NativeUnsupported, also where it is derived."""
         p, x0 = jax.vmap(lambda z: self._start(z[self.local], numbers), out_axes=-1)(zs)
         p = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2), p)
         together = whole.together(zs.shape[0])
