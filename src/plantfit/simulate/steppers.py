@@ -89,8 +89,9 @@ def _jacobian(rate, x, u, p, pattern):
     n = len(x)
     columns, f = [], None
     for j in range(n):
-        f, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
+        found, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
         columns.append(column)
+        f = found if f is None else f  # backwards all go through one evaluation as far as they can
     f = rate(x, u, p) if f is None else f
     return f, [[columns[j][i] if pattern is None or pattern[i][j] else 0.0 for j in range(n)] for i in range(n)]
 
