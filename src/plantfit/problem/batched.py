@@ -15,7 +15,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.native import NativeUnsupported
 from plantfit.simulate.batch import Batch
-from plantfit.simulate.record_rows import RecordRows, Records, filled, make_rows
+from plantfit.simulate.record_rows import RecordRows, filled, make_rows
 from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.whole_records import squares_of_records
@@ -32,8 +32,8 @@ class Numbers(NamedTuple):
     """What compiled functions need and that is not compiled in; a pytree."""
 
     rows: Chunks
-    records: Records | None  # those of `Batched.whole`
-    steps_first: Records | None
+    records: Any  # the `Records` of `Batched.whole`, None without
+    steps_first: Any
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
     scale: tuple[Any, ...]  # per output
