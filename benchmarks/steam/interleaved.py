@@ -15,8 +15,11 @@ class Timing(NamedTuple):
     cpu: float
 
 
-def interleaved(calls: Mapping[str, Callable[[], Any]], repeats: int, at_least: float = 0.02) -> dict[str, Timing]:
-    """Time every call `repeats` times in turn; short ones are repeated inside each turn until `at_least` seconds are filled."""
+def interleaved(calls: Mapping[str, Callable[[], Any]], repeats: int, at_least: float = 0.05) -> dict[str, Timing]:
+    """Time every call `repeats` times in turn; short ones are repeated inside each turn until `at_least` seconds are filled.
+
+    The first of such a turn is not counted, as the calls of a search follow one another with their data at hand.
+    """
     first, inner = {}, {}
     for label, call in calls.items():
         first[label], _ = _measure(call, 1)
@@ -27,6 +30,8 @@ def interleaved(calls: Mapping[str, Callable[[], Any]], repeats: int, at_least: 
 
 def _measure(call: Callable[[], Any], times: int) -> tuple[float, float]:
     """Wall and CPU seconds of one call, averaged over `times`."""
+    if times > 1:
+        jax.block_until_ready(call())
     wall, cpu = time.perf_counter(), time.process_time()
     for _ in range(times):
         jax.block_until_ready(call())
