@@ -138,8 +138,25 @@ def test_steps_behind_the_used_ones_are_left_out(reverse):
             np.testing.assert_allclose(before[row, lane, :n], kept, rtol=1e-13)
 
 
-def test_without_native_code_all_steps_run(monkeypatch):
+def sums_and_rows(x, end, reverse=False):
+    return native_scan(lambda c, x: (c + x, c), jnp.asarray(0.0), x, keep=True, reverse=reverse, used=end, fallback=True)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_without_native_code_steps_behind_the_used_ones_are_left_out_too(monkeypatch, reverse):
     monkeypatch.setattr("plantfit.native.scan.available", lambda: False)
-    body = lambda c, x: (c + x, c)  # noqa: E731
-    last, _ = native_scan(body, jnp.asarray(0.0), jnp.asarray([1.0, 2.0, 0.0]), used=jnp.asarray(2), fallback=True)
+    last, _ = sums_and_rows(jnp.asarray([1.0, 2.0, np.nan]), jnp.asarray(2), reverse)
     assert float(last) == 3.0
+
+
+@NEEDED
+def test_a_loop_that_leaves_native_code_for_its_tables_leaves_out_the_same_steps():
+    tables = jnp.asarray(np.random.default_rng(6).normal(size=(3, 5000)))  # too large where lanes have their own
+
+    def one(table, end):
+        return native_scan(lambda c, x: (c + table[jnp.int32(x)], None), jnp.asarray(0.0), rows, used=end)[0]
+
+    rows = jnp.asarray([7.0, 4999.0, 30.0, 2.0])
+    found = jax.jit(jax.vmap(one))(tables, jnp.asarray([4, 2, 0]))
+    picked = np.asarray(tables)[:, [7, 4999, 30, 2]]
+    np.testing.assert_allclose(found, [picked[0].sum(), picked[1, :2].sum(), 0.0], rtol=1e-14, atol=1e-14)

@@ -15,13 +15,13 @@ from plantfit.errors import Interrupted, PlantfitError
 
 
 class _Commands(TyperGroup):
-    """The commands; one that is stopped by Ctrl-C and keeps nothing of its own says so."""
+    """The commands; one that Ctrl-C stops says so, unless it has a sentence of its own."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise Interrupted("Stopped by Ctrl-C; nothing was left running. Run the command again to begin anew.") from None
+            raise Interrupted("Stopped by Ctrl-C. `plantfit resume` goes on with a study; begin anything else anew.") from None
 
 
 app = typer.Typer(

@@ -138,13 +138,16 @@ def scatter(e: Emitter, s: Storage, pointers: Lanes, values: Lanes, masks: Lanes
 # -- updates in place -----------------------------------------------------------------------------------
 
 
+_OWN = ("param", "update", "add_at", "pack", "get")  # what makes an array that is a region's own
+
+
 def updated_in_place(region: Region, lent: Collection[Node] = ()) -> set[Node]:
     """The updates and sums of a region that may overwrite their array: it is read last by them, and was made by the region or is `lent`."""
     last = _last_uses(region)
     made = {*region.params, *region.code}
 
     def own(array: Node) -> bool:
-        made_here = array.depth == region.depth and array.op in ("param", "update", "add_at", "pack", "get") and array in made
+        made_here = array.depth == region.depth and array.op in _OWN and array in made
         return made_here or array in lent
 
     return {n for i, n in enumerate(region.code) if n.op in ("update", "add_at") and own(n.args[0]) and last.get(n.args[0]) == i}
@@ -163,7 +166,7 @@ def lent_to_branches(region: Region, lent: Collection[Node] = ()) -> dict[Node, 
         taken: dict[int, Node] = {}
         for k, result in enumerate(node.data[0].results):
             array = _changed_array(result, node.data[0])
-            mine = array is not None and array in made and last.get(array) == i and array.op in ("param", "update", "add_at", "pack", "get")
+            mine = array is not None and array in made and last.get(array) == i and array.op in _OWN
             if array is not None and mine and all(_stays(array, k, branch) for branch in node.data):
                 taken[k] = array
         if taken:

@@ -5,7 +5,8 @@ the region of depth 0 is the prologue, which runs once ahead of the time loop.
 """
 
 import struct
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -107,6 +108,15 @@ def walk(region: Region) -> Iterator[Node]:
         yield node
         for inner in regions_of(node):
             yield from walk(inner)
+
+
+def count_uses(regions: Iterable[Region]) -> Counter[int]:
+    """How often nodes are arguments or results in these regions and those inside them, by id."""
+    uses: Counter[int] = Counter()
+    for region in (inner for top in regions for inner in all_regions(top)):
+        uses.update(id(a) for n in region.code for a in n.args)
+        uses.update(id(r) for r in region.results)
+    return uses
 
 
 def all_regions(region: Region) -> Iterator[Region]:

@@ -7,7 +7,7 @@ Contraction is decided here and not by LLVM, so that a lane gives the same bits 
 from collections import Counter
 from collections.abc import Sequence
 
-from plantfit.native.graph import F64, Node, Region, all_regions, regions_of
+from plantfit.native.graph import F64, Node, Region, all_regions, count_uses, regions_of
 from plantfit.native.table_sums import join_sums
 
 
@@ -93,12 +93,8 @@ def _share_reciprocals(region: Region) -> None:
 
 def _contract(regions: Sequence[Region]) -> None:
     """A product that is used once, by a sum or difference, is fused with it."""
-    uses: Counter[int] = Counter()
-    everywhere = [r for top in regions for r in all_regions(top)]
-    for region in everywhere:
-        uses.update(id(a) for n in region.code for a in n.args)
-        uses.update(id(r) for r in region.results)
-    for region in everywhere:
+    uses = count_uses(regions)
+    for region in (r for top in regions for r in all_regions(top)):
         for node in region.code:
             if node.op in ("add", "sub") and node.dtype == F64:
                 _contract_one(node, uses)

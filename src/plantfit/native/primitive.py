@@ -6,7 +6,7 @@ holds a flag per operand and axis.
 
 import ctypes
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -98,14 +98,28 @@ def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Fla
             out = function(*c, *x)
             return out[: loop.carry], out[loop.carry :]
 
-        rows = list(given[loop.constants + loop.carry : len(given) - loop.ragged])
-        after, ys = jax.lax.scan(body, list(carry), rows, length=loop.steps, reverse=loop.reverse)
+        rows, used = list(given[loop.constants + loop.carry : len(given) - loop.ragged]), given[-1] if loop.ragged else None
+        after, ys = scan_used(body, list(carry), rows, loop.steps, loop.reverse, used)
         return [*after, *ys]
 
     run: Any = one
     for axis in reversed(range(len(batch))):
         run = jax.vmap(run, in_axes=tuple(0 if p[axis] else None for p in present), axis_size=batch[axis])
     return run(*operands)
+
+
+def scan_used(body: Callable, carry: Any, rows: Any, steps: int | None, reverse: bool, used: Any) -> tuple[Any, Any]:
+    """jax.lax.scan in which steps from `used` on, unless it is None, leave the carry as it is."""
+    if used is None:
+        return jax.lax.scan(body, carry, rows, length=steps, reverse=reverse)
+
+    def held(c: Any, x: Any) -> tuple[Any, Any]:
+        k, row = x
+        after, y = body(c, row)
+        return jax.tree.map(lambda new, old: jnp.where(k < used, new, old), after, c), y
+
+    steps = steps or jax.tree.leaves(rows)[0].shape[0]
+    return jax.lax.scan(held, carry, (jnp.arange(steps), rows), reverse=reverse)
 
 
 def _core_kinds(loop: Loop) -> list[tuple[int, bool]]:
@@ -161,4 +175,4 @@ def _apply(*operands: Any, **params: Any) -> list[Any]:
     return jax.jit(lambda *a: loop_p.bind(*a, **params))(*operands)
 
 
-__all__ = ["Loop", "loop_p"]
+__all__ = ["Loop", "loop_p", "scan_used"]

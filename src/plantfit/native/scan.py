@@ -11,7 +11,7 @@ from plantfit.native.compilation import find_libm
 from plantfit.native.graph import Graph, Node
 from plantfit.native.kernel import Program, Shape, make_kernel
 from plantfit.native.passes import run_passes
-from plantfit.native.primitive import Loop, loop_p
+from plantfit.native.primitive import Loop, loop_p, scan_used
 from plantfit.native.processor import available, host
 from plantfit.native.trace import Tracer, moves
 from plantfit.native.unsupported import NativeUnsupported
@@ -39,8 +39,8 @@ def native_scan(
     `length`). `body(carry, x) -> (carry, y)` may close over anything. Under `jax.vmap`, nested too, lanes of the processor's
     vectors run over the batch; a lane gives the same bits whatever the size of the batch. float64, bool, int32, int64 and uint32.
 
-    `used` tells that only so many steps, a whole number, change anything: native code leaves the others out, and then their ys hold
-    anything. It may differ between lanes of outer `vmap`s, which are then worked off one after the other.
+    Steps from `used` on, a whole number, are left out; their ys hold anything. It may differ between lanes of outer `vmap`s, which
+    are then worked off one after the other.
 
     Products that feed sums become fused multiply-adds and divisions by one number share its reciprocal, so results agree with
     lax.scan to rounding. There are no derivatives: use it inside custom rules.
@@ -57,7 +57,7 @@ def native_scan(
         if not fallback:
             raise
         plain = body if keep else lambda c, x: (body(c, x)[0], None)
-        return jax.lax.scan(plain, carry, xs, length=length, reverse=reverse)
+        return scan_used(plain, carry, xs, length, reverse, used)
 
 
 def supported(body: Callable, carry: Any, xs: Any, *, length: int | None = None, keep: bool = False) -> bool:

@@ -6,7 +6,7 @@ A state moves slowly through a table, so the entries around it are read again on
 from collections import Counter
 from dataclasses import dataclass
 
-from plantfit.native.graph import Node, Region, all_regions, regions_of
+from plantfit.native.graph import Node, Region, all_regions, count_uses, regions_of
 
 _UNCACHED = {"load", "loop", "while", "cond", "get", "pack", "update", "add_at", "libm", "patched", "xload", "constant", "cload"}
 
@@ -22,10 +22,7 @@ class TableReads:
 
 def table_reads(body: Region) -> dict[Node, TableReads]:
     """The group of every node that belongs to one."""
-    uses: Counter[int] = Counter()
-    for region in all_regions(body):
-        uses.update(id(a) for n in region.code for a in n.args)
-        uses.update(id(r) for r in region.results)
+    uses = count_uses([body])
     found: dict[Node, TableReads] = {}
     for region in all_regions(body):
         for group in _groups(region, uses):

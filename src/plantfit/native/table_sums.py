@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plantfit.native.graph import F64, INTEGERS, Node, Region, all_regions, regions_of
+from plantfit.native.graph import F64, INTEGERS, Node, Region, all_regions, count_uses, regions_of
 
 
 def join_sums(regions: Sequence[Region]) -> None:
     """Change the regions in place: `update(a, i, load(a, i) + d)` becomes `add_at(a, i, d)`."""
-    uses = _uses(regions)
+    uses = count_uses(regions)
     for top in regions:
         for region in all_regions(top):
             for node in region.code:
@@ -99,12 +99,3 @@ def _origin(index: Node) -> tuple[Node, int]:
             if more.op == "const":
                 return origin, int(more.data)
     return index, 0
-
-
-def _uses(regions: Sequence[Region]) -> Counter[int]:
-    uses: Counter[int] = Counter()
-    for top in regions:
-        for region in all_regions(top):
-            uses.update(id(a) for n in region.code for a in n.args)
-            uses.update(id(r) for r in region.results)
-    return uses

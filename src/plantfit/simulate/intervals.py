@@ -134,9 +134,7 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
     @partial(jax.jit, static_argnums=5, inline=True)
     def loop(p, x, totals, rows: Row, around, keep: bool):
         def body(carry, row):
-            before, totals = carry
-            x, residuals = advance(p, before, row, around)
-            return (x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), before
+            return counted(advance, p, row, around, carry), carry[0]
 
         return native_scan(body, (x, totals), rows, keep=keep, fallback=True)
 
@@ -167,6 +165,13 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
 
     run.defvjp(forwards, backwards)
     return run
+
+
+def counted(advance: Callable, p: Any, row: Row, around: Any, carry: Any) -> Any:
+    """(states, sums of squares by output) after an interval, of those before it, for an `advance` as `interval` makes it."""
+    x, totals = carry
+    x, residuals = advance(p, x, row, around)
+    return x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))
 
 
 def pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:

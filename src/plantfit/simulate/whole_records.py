@@ -12,7 +12,7 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
-from plantfit.simulate.intervals import Row, interval, pulled
+from plantfit.simulate.intervals import Row, counted, interval, pulled
 from plantfit.simulate.record_rows import Records
 from plantfit.simulate.simulator import Simulator
 
@@ -63,14 +63,12 @@ class _Loops:
 
     def forwards(self, p: Any, x0: Any, records: Records, *, keep: bool) -> tuple[Any, Any]:
         """Squares by output (L, n); with `keep` the states before every interval, a tuple of (L, K, n) or (K, L, n)."""
-        advance = _chosen(self.windows, lambda edges: interval(self.simulator, edges))
+        step = _chosen(self.windows, lambda edges: partial(counted, interval(self.simulator, edges)))
 
         def run(p, x0, rows, used):
-            def body(carry, step):
-                x, totals = carry
-                row, late, knots = step
-                later, residuals = advance(late, p, x, row, knots)
-                return (later, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))), x
+            def body(carry, now):
+                row, late, knots = now
+                return step(late, p, row, knots, carry), carry[0]
 
             begin = x0, tuple(jnp.zeros(()) for _ in rows[0].measured)
             (_, totals), before = native_scan(body, begin, rows, keep=keep, used=used)
