@@ -8,6 +8,7 @@ import contextlib
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from plantfit.simulate.batch import Batch
 from plantfit.simulate.record_rows import RecordRows, filled, make_rows
 from plantfit.simulate.schedule import Chunks, Schedule, Track, make_schedule
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.whole_records import squares_of_records
+from plantfit.simulate.whole_records import slopes_of_records, squares_of_records
 from plantfit.space import Space
 
 import jax
@@ -50,7 +51,7 @@ class Batched:
     rows: Schedule
     whole: RecordRows | None  # for costs and gradients; None with too many edges, or with records of too unequal length
     few_edges: bool
-    picked: tuple[tuple[np.ndarray, ...], ...]  # per record and output: flat places in `rows` of what is scored
+    scored: tuple[tuple[np.ndarray, ...], ...]  # per record and output: which samples
     local: np.ndarray  # (L, q) coordinates of every record
 
     @classmethod
@@ -75,17 +76,17 @@ class Batched:
         linear = [c in simulator.interpolated for c in simulator.vector.model.inputs]
         linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
         rows = make_schedule(tracks, linear)
-        picked = tuple(tuple(rows.place[k][index[name, o]] for o in outputs) for k, name in enumerate(names))
+        scored = tuple(tuple(np.asarray(index[name, o]) for o in outputs) for name in names)
         few_edges = Batch(simulator, rows.windows).few_edges(rows.chunks)
         whole = make_rows(tracks, linear) if few_edges and filled(tracks) else None
-        return cls(simulator, space, names, rows, whole, few_edges, picked, np.stack([space.local(name) for name in names]))
+        return cls(simulator, space, names, rows, whole, few_edges, scored, np.stack([space.local(name) for name in names]))
 
     def alike(self, other: "Batched") -> bool:
         """Whether functions compiled for the other serve these records as well."""
         shapes = [jax.tree.map(np.shape, (b.rows.chunks, b.whole and b.whole.records)) for b in (self, other)]
         windows = [(b.rows.windows, b.whole and b.whole.windows) for b in (self, other)]
         same = windows[0] == windows[1] and self.names == other.names and shapes[0] == shapes[1]
-        return same and all(np.array_equal(a, b) for a, b in zip(_flat(self.picked), _flat(other.picked), strict=True))
+        return same and all(np.array_equal(a, b) for a, b in zip(_flat(self.scored), _flat(other.scored), strict=True))
 
     def with_simulator(self, simulator: Simulator) -> "Batched":
         """The same records with other steps."""
@@ -112,7 +113,12 @@ class Batched:
     @property
     def count(self) -> int:
         """Scored samples of all outputs."""
-        return sum(len(i) for record in self.picked for i in record)
+        return sum(len(i) for record in self.scored for i in record)
+
+    @cached_property
+    def picked(self) -> tuple[tuple[np.ndarray, ...], ...]:
+        """Per record and output: flat places in `rows` of what is scored."""
+        return tuple(tuple(place[i] for i in record) for place, record in zip(self.rows.place, self.scored, strict=True))
 
     # -- pure functions of a cube point -------------------------------------------------------------
 
@@ -169,6 +175,9 @@ class Batched:
 
     def blocks(self, z: Any, numbers: Numbers) -> list[tuple[Any, Any]]:
         """For every record its scaled residuals (m_k,) and their derivatives (m_k, q) by its local coordinates."""
+        if self.whole is not None and self.whole.even:
+            with contextlib.suppress(NativeUnsupported):
+                return self._side_by_side(self.whole, z[self.local], numbers)
         r, columns = (self._pulled if self.few_edges else self._pushed)(z[self.local], numbers)
         return [
             (
@@ -176,6 +185,25 @@ class Batched:
                 jnp.concatenate([jnp.take(a, i, axis=0) @ (by * w) for a, i in zip(columns, record, strict=True)]),
             )
             for record, by, w in zip(self.picked, self._makers(z[self.local], numbers), self._roots(numbers), strict=True)
+        ]
+
+    def _side_by_side(self, whole: RecordRows, local, numbers: Numbers) -> list[tuple[Any, Any]]:
+        """`blocks` of whole records; raises NativeUnsupported."""
+        q = local.shape[1]
+
+        def directions(z, *first):
+            return jax.vmap(lambda e: jax.jvp(lambda z: self._begin(z, *first), (z,), (e,))[1])(jnp.eye(q))
+
+        p, x0 = self._start(local, numbers)
+        moved = jax.vmap(directions)(local, numbers.first_input, numbers.first_output)
+        r, slopes = slopes_of_records(self.simulator, whole.windows, p, x0, moved, numbers.records, numbers.steps_first)
+        scale = [self._roots(numbers) / s for s in numbers.scale]
+        return [
+            (
+                jnp.concatenate([_at(a[:, k], i) * s[k] for a, i, s in zip(r, record, scale, strict=True)]),
+                jnp.concatenate([_at(a[k], i) * s[k] for a, i, s in zip(slopes, record, scale, strict=True)]),
+            )
+            for k, record in enumerate(self.scored)
         ]
 
     def _roots(self, numbers: Numbers) -> Any:
@@ -252,8 +280,15 @@ def _in_groups(function: Any, zs: Any, most: int) -> Any:
     return first if not rest else jax.tree.map(lambda a, b: jnp.concatenate([a, b]), first, function(zs[whole * most :]))
 
 
-def _flat(picked: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
-    return [places for record in picked for places in record]
+def _at(a: Any, samples: np.ndarray) -> Any:
+    """`a` (K, ...) at these samples, as a slice where they follow one another."""
+    first = int(samples[0]) if len(samples) else 0
+    following = np.array_equal(samples, first + np.arange(len(samples)))
+    return a[first : first + len(samples)] if following else jnp.take(a, samples, axis=0)
+
+
+def _flat(scored: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
+    return [samples for record in scored for samples in record]
 
 
 def _widened(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -13,6 +13,7 @@ import jax
 
 LANES = 16  # that take about as long as one
 PADDED = 4.0  # times the samples that rows of the longest record may have
+EVEN = 2.0  # times the samples that records side by side may take
 
 
 class Records(NamedTuple):
@@ -39,6 +40,11 @@ class RecordRows:
     records: Records
     steps_first: Records  # with axes (K, L) for (L, K)
     windows: str  # "none", "all", "some"
+
+    @property
+    def even(self) -> bool:
+        """Whether records are so alike in length that they can go on side by side to the end of the longest."""
+        return self.records.late.size <= EVEN * int(np.sum(self.records.used))
 
     def together(self, candidates: int) -> bool:
         """Whether it takes less time to go through all records together, with one candidate after the other, than the other way round.

@@ -48,6 +48,40 @@ def squares_of_records(
     return totals(p, x0)
 
 
+def slopes_of_records(
+    simulator: Simulator, windows: str, p: Any, x0: Any, directions: Any, records: Records, steps_first: Records
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Residuals (K, L) of every output, and their derivatives (L, K, q) along q directions, for one candidate.
+
+    Leaves of `p` are (L, ...), those of `x0` (L,); `directions` is a pair like (p, x0) with axes (L, q, ...), `records` and
+    `steps_first` those of `RecordRows`. Forward mode, with the
+    directions as lanes: what they share, which is the whole step but its linear part, is computed once.
+    Raises NativeUnsupported for a model without native code.
+    """
+    step = _chosen(windows, lambda edges: interval(simulator, edges))
+
+    def forwards(p, x0, rows):
+        def body(x, now):
+            row, late, knots = now
+            later, residuals = step(late, p, x, row, knots)
+            return later, (x, residuals)
+
+        return native_scan(body, x0, rows, keep=True)[1]
+
+    def along(p, moving, begin, before, rows, used):
+        def body(s, now):
+            x, (row, late, knots) = now
+            _, (later, slopes) = jax.jvp(lambda p, x: step(late, p, x, row, knots), (p, x), (moving, s))
+            return later, slopes
+
+        return native_scan(body, begin, (before, rows), keep=True, used=used)[1]
+
+    before, residuals = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first, 1))
+    before = jax.tree.map(jnp.transpose, before)
+    side_by_side = jax.vmap(along, in_axes=(None, 0, 0, None, None, None), out_axes=-1)
+    return residuals, jax.vmap(side_by_side)(p, *directions, before, _rows(records, 0), records.used)
+
+
 def _joined(squares: tuple[Any, ...], weight: Any) -> tuple[Any, ...]:
     """Sums over the records (L, n)."""
     return tuple(jnp.sum(s if weight is None else weight[:, None] * s, axis=0) for s in squares)
@@ -75,7 +109,7 @@ class _Loops:
             return totals, before if keep else ()
 
         over = self._over_all(run, ("tables", "numbers", "rows", "ends"), ("numbers", "states"))
-        return over(p, x0, self._rows(records), self._ends(records))
+        return over(p, x0, _rows(records, self.place), self._ends(records))
 
     def backwards(self, p: Any, before: Any, weights: Any, records: Records) -> tuple[Any, Any]:
         """Derivatives by p and x0."""
@@ -91,7 +125,7 @@ class _Loops:
             return found, adjoint
 
         over = self._over_all(run, ("tables", "states", "numbers", "rows", "ends"), ("tables", "numbers"))
-        return over(p, before, weights, self._rows(records), self._ends(records))
+        return over(p, before, weights, _rows(records, self.place), self._ends(records))
 
     def _over_all(self, run: Callable, given: tuple[str, ...], found: tuple[str, ...]) -> Callable:
         """`run` over candidates and records: "tables" are (..., L, n), "numbers" (L, n), "rows" have no candidates, "states" have both."""
@@ -101,14 +135,16 @@ class _Loops:
             run = jax.vmap(run, in_axes=tuple(axes[a] for a in given), out_axes=tuple(axes[a] for a in found))
         return run
 
-    def _rows(self, records: Records) -> tuple[Row, Any, Any]:
-        r = records
-        t = (r.t[:-1], r.t[1:]) if self.place else (r.t[:, :-1], r.t[:, 1:])
-        return Row(*t, r.start, r.slope, r.at, r.measured, r.scored), r.late, r.knots
-
     def _ends(self, records: Records) -> Any:
         # as lanes the records go on together to the end of the longest
         return None if self.place else records.used
+
+
+def _rows(records: Records, place: int) -> tuple[Row, Any, Any]:
+    """The rows of a loop, whether edges can fall into them, and the edges; `place` is the axis of the records."""
+    r = records
+    t = (r.t[:-1], r.t[1:]) if place else (r.t[:, :-1], r.t[:, 1:])
+    return Row(*t, r.start, r.slope, r.at, r.measured, r.scored), r.late, r.knots
 
 
 def _chosen(windows: str, of: Callable[[bool], Callable]) -> Callable:
