@@ -101,6 +101,29 @@ def test_gradients(name):
         close(g[k], 2.0 / len(r) * jacobian.T @ r, 1e-9)
 
 
+@each_case
+def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
+    q = prepared(name)
+    batched = q.problem._functions
+    if batched.whole is None:
+        assert not batched.few_edges
+        return
+    weights = {n: 1.0 + k for k, n in enumerate(batched.names)}
+    numbers = q.problem.arguments._replace(weight=np.array(list(weights.values())))
+    ways = []
+    for even in (True, False):
+        monkeypatch.setattr(RecordRows, "even", even)
+        ways.append(jax.jit(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers))
+    for record, other in zip(*ways, strict=True):
+        for ours, theirs in zip(record, other, strict=True):
+            assert ours.shape == theirs.shape
+            close(ours, theirs, 1e-11)
+    plainly = jax.jit(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers._replace(weight=None))
+    for record, plain, weight in zip(ways[0], plainly, weights.values(), strict=True):
+        for a, b in zip(record, plain, strict=True):
+            close(a, np.sqrt(weight) * b, 1e-12)
+
+
 @pytest.mark.parametrize("name", [n for n in CASES if n != "one late input, new at every sample"])
 def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(name, monkeypatch):
     q = prepared(name)

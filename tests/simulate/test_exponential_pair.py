@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.tables import lookup, shared_cells
+from plantfit.models.model import Declared, Model
+from plantfit.models.tables import Table, lookup, shared_lookups
 from plantfit.simulate import steppers
+from plantfit.simulate.steppers import exponential
+from plantfit.simulate.vector import vectorise
 
 import jax
 import jax.numpy as jnp
@@ -65,7 +68,7 @@ def test_a_place_in_tables_that_is_looked_up_once_keeps_values_and_slopes():
         )
 
     def together(x, values):
-        with shared_cells():
+        with shared_lookups():
             return apart(x, values)
 
     for x in (-0.5, 0.0, 1.0, 1.7, 3.9, 4.0, 5.0):
@@ -75,3 +78,28 @@ def test_a_place_in_tables_that_is_looked_up_once_keeps_values_and_slopes():
             np.testing.assert_allclose(s, t, rtol=1e-14, atol=1e-15)
         bent = [jax.grad(jax.grad(f))(x, values) for f in (apart, together)]
         np.testing.assert_allclose(bent[0], bent[1], rtol=1e-14, atol=1e-15)
+
+
+def branching(share_inside):
+    """A model that reads one table inside a branch and, at the same place, outside of it."""
+    table = Table("k", ("x",), ((0.0, 1.0, 2.0, 4.0),))
+
+    def derivative(x, u, p):
+        extra = jax.lax.cond(x["x"] > share_inside, lambda: table(p["k"], x["x"]), lambda: jnp.zeros(()))
+        return {"x": u["u"] - table(p["k"], x["x"]) * x["x"] - extra}
+
+    return Model(
+        name="branching", states={"x": ""}, inputs={"u": ""}, outputs={"y": ""}, tables=(table,),
+        parameters=(Declared("k", "", (0.1, 2.0), shape=table.shape),),
+        derivative=derivative, output=lambda x, u, p: {"y": x["x"]},
+    )  # fmt: skip
+
+
+def test_a_table_may_be_read_inside_a_branch_and_outside_of_it():
+    vector = vectorise(branching(0.5))
+    values = jnp.asarray([0.5, 1.0, 0.8, 0.3])
+    f = lambda x, k: exponential(vector.rate, (x,), (1.0, 0.0), (1.0, 0.0), 0.1, (k,), False)[0]  # noqa: E731
+    found, slopes = jax.jit(jax.value_and_grad(f, argnums=1))(0.7, values)
+    moved = [float(f(0.7, values.at[1].add(s * 1e-6))) for s in (1, -1)]
+    assert found == pytest.approx(sum(moved) / 2, rel=1e-12)
+    assert slopes[1] == pytest.approx((moved[0] - moved[1]) / 2e-6, rel=1e-7)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.models.friction import coulomb, stribeck
+from plantfit.models.quotient import quotient
 from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
 
 # isort: split
@@ -57,7 +58,7 @@ def _condition(x: Any) -> Any:
 def divide_guarded(a: Any, b: Any) -> Any:
     """a / b with zero derivative where b = 0."""
     good = b != 0
-    return jnp.where(good, a / jnp.where(good, b, 1.0), jax.lax.stop_gradient(a / jnp.asarray(b, dtype=float)))
+    return jnp.where(good, quotient(a, jnp.where(good, b, 1.0)), jax.lax.stop_gradient(a / jnp.asarray(b, dtype=float)))
 
 
 def power_guarded(x: Any, y: Any) -> Any:
@@ -93,7 +94,7 @@ OPERATORS: dict[str, Function] = {
     "+": Function(lambda a, b: a + b, 2, 2, "same"),
     "-": Function(lambda a, b: a - b, 2, 2, "same"),
     "*": Function(lambda a, b: a * b, 2, 2, "times"),
-    "/": Function(lambda a, b: a / b, 2, 2, "over", guarded=divide_guarded),
+    "/": Function(quotient, 2, 2, "over", guarded=divide_guarded),
     "**": Function(lambda a, b: jnp.power(a, b), 2, 2, "power", guarded=power_guarded),
     "negative": Function(lambda a: -a, 1, 1, "same"),
     "<": Function(lambda a, b: a < b, 2, 2, "ratio"),

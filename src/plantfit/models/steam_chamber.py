@@ -5,6 +5,7 @@ from typing import Any, Literal
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
+from plantfit.models.quotient import quotient
 from plantfit.models.table_text import read_nodes
 from plantfit.models.tables import Table
 
@@ -49,7 +50,7 @@ def steam_chamber(
     def derivative(x: Named, u: Named, p: Named) -> Named:
         x1, x2, opening = x["x1"], x["x2"], u[channel]
         at = (x1, opening)[: len(over)]
-        return {"x1": x2, "x2": (k(p["k"], *at) * opening - x1 - a1(p["A1"], *at) * x2) / a2(p["A2"], *at)}
+        return {"x1": x2, "x2": quotient(k(p["k"], *at) * opening - x1 - a1(p["A1"], *at) * x2, a2(p["A2"], *at))}
 
     def output(x: Named, u: Named, p: Named) -> Named:
         return {"y": x["x1"]}

@@ -1,9 +1,10 @@
 """Tables over operating points: a parameter of one value for each node, linear between, clamped outside."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -63,10 +64,10 @@ def lookup(values: Any, nodes: Nodes, x: Any) -> Any:
 
     Forward, reverse and nested derivatives hold. NaN gives NaN. Raises ModelError for values of another shape.
     """
-    values = _checked(values, (len(nodes),))
-    index, weight = _cell(nodes, x)
-    ends = _corners(values, index)
-    return _between(ends[..., 0], ends[..., 1], weight)
+    known = _KNOWN.get()
+    if known is not None and known.slopes:
+        return _shared(_line, values, tuple(nodes), x)
+    return _interpolated(_checked(values, (len(nodes),)), tuple(nodes), x)
 
 
 def lookup2(values: Any, nodes: tuple[Nodes, Nodes], y: Any, u: Any) -> Any:
@@ -83,10 +84,47 @@ def lookup2(values: Any, nodes: tuple[Nodes, Nodes], y: Any, u: Any) -> Any:
 
 
 def _checked(values: Any, shape: tuple[int, ...]) -> Any:
-    values = jnp.asarray(values, dtype=float)
+    values = _floats(values)
     if values.shape != shape:
         raise ModelError(f"A table with nodes of shape {shape} has values of shape {values.shape}; give one value for each node.")
     return values
+
+
+def _floats(a: Any) -> Any:
+    """As float64, the same object where it is."""
+    return a if isinstance(a, jax.Array) and a.dtype == np.float64 else jnp.asarray(a, dtype=float)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _line(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
+    """Eq. (1) of `lookup`."""
+    return _interpolated(values, nodes, x)
+
+
+def _interpolated(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
+    index, weight = _cell(nodes, x)
+    ends = _corners(values, index)
+    return _between(ends[..., 0], ends[..., 1], weight)
+
+
+def _slope(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
+    """Eq. (2) of `lookup`."""
+    ends = _corners(values, _cell(nodes, x)[0])
+    return _density(nodes, x) * (ends[..., 1] - ends[..., 0])
+
+
+@partial(_line.defjvp, symbolic_zeros=True)
+def _line_moved(nodes: tuple[float, ...], primals: Any, tangents: Any) -> Any:
+    # what is looked up once is pulled back once
+    (values, x), (along_values, along_x) = primals, tangents
+    moved = [] if _still(along_x) else [_shared(_slope, values, nodes, x) * along_x]
+    moved += [] if _still(along_values) else [_interpolated(along_values, nodes, x)]
+    y = _shared(_line, values, nodes, x)
+    return y, sum(moved[1:], moved[0]) if moved else jnp.zeros_like(y)
+
+
+def _still(tangent: Any) -> bool:
+    return isinstance(tangent, jax.custom_derivatives.SymbolicZero)
 
 
 def _between(left: Any, right: Any, weight: Any) -> Any:
@@ -109,35 +147,73 @@ def _corners(values: Any, *index: Any) -> Any:
 
 def _cell(nodes: Nodes, x: Any) -> tuple[Any, Any]:
     """(index, weight): the cell that x lies in, and where in it, 0 to 1; d weight/dx = 0 outside of the table."""
-    known, key = _CELLS.get(), (id(x), tuple(nodes))
-    if known is not None and key in known:
-        return known[key][1]
-    grid, at = np.asarray(nodes, dtype=float), jnp.asarray(x, dtype=float)
-    index, inside = _even_cell(grid, at) if _is_even(grid) else _uneven_cell(grid, at)
-    cell = index, jnp.where(at >= grid[-1], 1.0, jnp.where(at < grid[0], 0.0, inside))
-    if known is not None:
-        known[key] = x, cell  # with x, so that no other value gets its id
-    return cell
+
+    def found():
+        grid, at = np.asarray(nodes, dtype=float), _floats(x)
+        index, inside = _even_cell(grid, at) if _is_even(grid) else _uneven_cell(grid, at)
+        return index, jnp.where(at >= grid[-1], 1.0, jnp.where(at < grid[0], 0.0, inside))
+
+    return _once(("cell", tuple(nodes), id(x)), x, found)
+
+
+def _density(nodes: Nodes, x: Any) -> Any:
+    """d weight/dx of `_cell`."""
+
+    def found():
+        grid, at = np.asarray(nodes, dtype=float), _floats(x)
+        steps = np.diff(grid)
+        density = jnp.asarray(1.0 / steps).at[_cell(nodes, x)[0]].get(mode="promise_in_bounds") if not _is_even(grid) else _rate(grid)
+        return jnp.where(at >= grid[-1], 0.0, jnp.where(at < grid[0], 0.0, density))
+
+    return _once(("density", tuple(nodes), id(x)), x, found)
+
+
+class _Known(dict[Any, tuple[Any, Any]]):
+    """What has been looked up, with the objects it was looked up with, so that no others get their ids."""
+
+    def __init__(self, slopes: bool):
+        super().__init__()
+        self.slopes = slopes
 
 
 @contextmanager
-def shared_cells() -> Iterator[None]:
-    """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken backwards."""
-    token = _CELLS.set({})
+def shared_lookups(share: bool = True, slopes: bool = False) -> Iterator[None]:
+    """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken backwards.
+
+    With `slopes` a table is read once for values and slopes in all directions; for functions whose arrays are jax's own. Without
+    `share` nothing is shared: for functions with control flow that read the same value inside a branch and outside of it.
+    """
+    before = _KNOWN.get()
+    token = _KNOWN.set((_Known(slopes) if before is None else before) if share else None)
     try:
         yield
     finally:
-        _CELLS.reset(token)
+        _KNOWN.reset(token)
 
 
-_CELLS: ContextVar[dict[Any, tuple[Any, tuple[Any, Any]]] | None] = ContextVar("cells", default=None)
+_KNOWN: ContextVar[_Known | None] = ContextVar("lookups", default=None)
+
+
+def _once(key: Any, objects: Any, compute: Callable[[], Any]) -> Any:
+    known = _KNOWN.get()
+    if known is None:
+        return compute()
+    if key not in known:
+        known[key] = objects, compute()
+    return known[key][1]
+
+
+def _shared(function: Callable, values: Any, nodes: tuple[float, ...], x: Any) -> Any:
+    """function(values, nodes, x) with the array checked, once for the same objects."""
+    key = function, nodes, id(values), id(x)
+    return _once(key, (values, x), lambda: function(_checked(values, (len(nodes),)), nodes, _floats(x)))
 
 
 def _even_cell(grid: np.ndarray, x: Any) -> tuple[Any, Any]:
     cells = len(grid) - 1
-    position = (x - grid[0]) * (cells / (grid[-1] - grid[0]))
+    position = (x - grid[0]) * _rate(grid)
     # a node that rounding puts a hair below its number still opens the cell on its right
-    number = jnp.clip(jnp.floor(position + _rounding(grid) * cells / (grid[-1] - grid[0])), 0, cells - 1)
+    number = jnp.clip(jnp.floor(position + _rounding(grid) * _rate(grid)), 0, cells - 1)
     return number.astype(jnp.int32), position - number
 
 
@@ -146,6 +222,11 @@ def _uneven_cell(grid: np.ndarray, x: Any) -> tuple[Any, Any]:
     start = jnp.asarray(grid[:-1]).at[index].get(mode="promise_in_bounds")
     density = jnp.asarray(1.0 / np.diff(grid)).at[index].get(mode="promise_in_bounds")
     return index, (x - start) * density
+
+
+def _rate(grid: np.ndarray) -> float:
+    """Cells per unit of an even grid."""
+    return (len(grid) - 1) / (grid[-1] - grid[0])
 
 
 def _rounding(grid: np.ndarray) -> float:

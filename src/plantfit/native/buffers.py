@@ -26,23 +26,23 @@ class Leaf:
 class Buffers:
     """Buffers %in0, %in1, ... and %out0, ...; `group`, `lane` and `row` are the registers that addresses refer to.
 
-    In a `narrow` kernel, whose groups do not fill a block, loads and stores are masked and spare lanes repeat the first.
+    In a `narrow` kernel, whose groups end in the last vector of a block, that one is masked and spare lanes repeat the first.
     """
 
     def __init__(self, emitter: Emitter, inputs: Sequence[Leaf], outputs: Sequence[Leaf], narrow: bool):
         self.e, self.inputs, self.outputs, self.narrow = emitter, inputs, outputs, narrow
         self.group = self.lane = self.row = "0"
-        self._tail: Lanes = []  # masks of the lanes that a narrow group has
+        self._tail = ""  # mask of the lanes that a narrow group has in its last vector
 
     def mask_tail(self) -> None:
-        """Compute the masks of a narrow group."""
-        if not self.narrow:
-            return
-        e = self.e
-        count, whole = e.splat("i64", "%B"), e.vector("i64")
-        for u in range(e.vectors):
-            numbers = ", ".join(f"i64 {u * e.width + i}" for i in range(e.width))
-            self._tail.append(e.put(f"icmp slt {whole} <{numbers}>, {count}"))
+        """Compute the mask of a narrow group."""
+        if self.narrow:
+            e = self.e
+            numbers = ", ".join(f"i64 {(e.vectors - 1) * e.width + i}" for i in range(e.width))
+            self._tail = e.put(f"icmp slt {e.vector('i64')} <{numbers}>, {e.splat('i64', '%B')}")
+
+    def _masked(self, u: int) -> bool:
+        return self.narrow and u == self.e.vectors - 1
 
     def read(self, number: int, entry: int) -> Lanes:
         """An entry of an input: one scalar when lanes share it, else its vectors."""
@@ -56,9 +56,9 @@ class Buffers:
         spare = e.splat(kind, e.put(f"load {kind}, ptr {at}, align {align}")) if self.narrow else ""
         for u in range(e.vectors):
             place = self._vector_of(kind, at, u)
-            if self.narrow:
+            if self._masked(u):
                 name = f"llvm.masked.load.v{e.width}{SUFFIX[kind]}.p0"
-                raw = e.call(vector, name, ("ptr", place), ("i32", str(align)), (e.vector("i1"), self._tail[u]), (vector, spare))
+                raw = e.call(vector, name, ("ptr", place), ("i32", str(align)), (e.vector("i1"), self._tail), (vector, spare))
             else:
                 raw = e.put(f"load {vector}, ptr {place}, align {align}")
             values.append(from_memory(e, leaf.dtype, raw, True))
@@ -73,10 +73,10 @@ class Buffers:
         for u, value in enumerate(values):
             place = self._vector_of(kind, at, u)
             value = to_memory(e, leaf.dtype, value, True)
-            if self.narrow:
+            if self._masked(u):
                 name = f"llvm.masked.store.v{e.width}{SUFFIX[kind]}.p0"
                 e.declared.add(f"declare void @{name}({vector}, ptr, i32, {e.vector('i1')})")
-                e.line(f"call void @{name}({vector} {value}, ptr {place}, i32 {align}, {e.vector('i1')} {self._tail[u]})")
+                e.line(f"call void @{name}({vector} {value}, ptr {place}, i32 {align}, {e.vector('i1')} {self._tail})")
             else:
                 e.line(f"store {vector} {value}, ptr {place}, align {align}")
 

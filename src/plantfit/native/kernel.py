@@ -40,7 +40,7 @@ class Shape:
 
     width: int  # lanes in a vector
     vectors: int  # vectors in a block
-    narrow: bool  # fewer lanes than a block
+    narrow: bool  # the lanes of a group end in the last vector of one block
     reverse: bool
     ragged: bool  # whether every group has its own number of steps
     varies: tuple[tuple[bool, bool], ...]  # (over groups, over lanes) of every input leaf

@@ -33,7 +33,7 @@ class Layout:
 
     @property
     def narrow(self) -> bool:
-        """Whether a group does not fill one block."""
+        """Whether a group does not fill one block; it ends in the last vector then, as layouts with fewer cost no more."""
         return self.lanes < self.width * self.vectors
 
     def over_groups(self, present: Sequence[bool]) -> bool:

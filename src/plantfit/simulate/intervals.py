@@ -72,7 +72,7 @@ def substeps(simulator: Simulator) -> Callable:
 
 
 def interval(simulator: Simulator, edges: bool) -> Callable:
-    """`advance(p, x, row, around) -> (x, residuals)`: the states at the next sample, and simulated minus measured there.
+    """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample.
 
     `row` is one interval of a `Row`; `around` the `Knots` (E,) of every delayed channel, looked at only with `edges`.
     """
@@ -94,8 +94,7 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
             x = step(p, x, (u0, u1, then - now))
             now = then
         late = _late(row, around, delays, [[e <= row.end for e in channel] for channel in moving], row.end)
-        y = vector.output(x, (*row.at, *late, row.end), p)
-        return x, tuple(jnp.where(s, a - m, 0.0) for a, m, s in zip(y, row.measured, row.scored, strict=True))
+        return x, vector.output(x, (*row.at, *late, row.end), p)
 
     def _inputs(row, around, delays, passed, when):
         """Every channel at `when`, on the straight lines that hold behind the edges that are `passed`."""
@@ -170,8 +169,13 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
 def counted(advance: Callable, p: Any, row: Row, around: Any, carry: Any) -> Any:
     """(states, sums of squares by output) after an interval, of those before it, for an `advance` as `interval` makes it."""
     x, totals = carry
-    x, residuals = advance(p, x, row, around)
-    return x, tuple(a + r**2 for a, r in zip(totals, residuals, strict=True))
+    x, y = advance(p, x, row, around)
+    return x, tuple(a + r**2 for a, r in zip(totals, residuals(y, row), strict=True))
+
+
+def residuals(y: Any, row: Row) -> Any:
+    """Simulated minus measured of every output, 0 where nothing is scored."""
+    return tuple(jnp.where(s, a - m, 0.0) for a, m, s in zip(y, row.measured, row.scored, strict=True))
 
 
 def pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:
@@ -180,8 +184,8 @@ def pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any,
     `x` are the states before the interval, `weights` the derivatives by the sums of squares.
     """
     adjoint, gradient = carry
-    (_, residuals), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
-    dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals, strict=True))))
+    (_, y), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
+    dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals(y, row), strict=True))))
     return dx, jax.tree.map(jnp.add, gradient, dp)
 
 
@@ -190,7 +194,7 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     """`run(p, x, s, rows, around) -> ((x, s), (residuals, slopes))` over all intervals of one row, forwards.
 
     `s` holds, for every state, its derivatives by what p and the initial states are made of: a pair (tree like p, tuple of n).
-    Residuals (C,) and slopes, such pairs with a leading axis C, are given for every output. The derivatives of a step are
+    Residuals (C,) and slopes of the output, such pairs with a leading axis C, are given for every output. The derivatives of a step are
     pulled back from its few results, so that the work does not grow with the number of parameters but for one recursion.
     """
     advance = interval(simulator, edges)
@@ -199,16 +203,16 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     def run(p, x, s, rows: Row, around):
         def body(carry, row):
             x, s = carry
-            (later, residuals), pull = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
-            no_state, no_output = tuple(0.0 for _ in later), tuple(0.0 for _ in residuals)
+            (later, y), pull = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
+            no_state, no_output = tuple(0.0 for _ in later), tuple(0.0 for _ in y)
 
             def chained(dp, dx):
                 by_p, by_start = jax.tree.map(lambda *a: sum(d * b for d, b in zip(dx, a, strict=True)), *s)
                 return jax.tree.map(jnp.add, dp, by_p), by_start
 
             moved = tuple(chained(*pull((_unit(no_state, i), no_output))) for i in range(len(later)))
-            slopes = tuple(chained(*pull((no_state, _unit(no_output, i)))) for i in range(len(residuals)))
-            return (later, moved), (residuals, slopes)
+            slopes = tuple(chained(*pull((no_state, _unit(no_output, i)))) for i in range(len(y)))
+            return (later, moved), (residuals(y, row), slopes)
 
         return native_scan(body, (x, s), rows, keep=True, fallback=True)
 

@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import plantfit.runtime  # noqa: F401
+from plantfit.models.tables import shared_lookups
 
 import jax
 import jax.numpy as jnp
@@ -88,11 +89,12 @@ def _jacobian(rate, x, u, p, pattern):
     """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
     n = len(x)
     columns, f = [], None
-    for j in range(n):
-        found, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
-        columns.append(column)
-        f = found if f is None else f  # backwards all go through one evaluation as far as they can
-    f = rate(x, u, p) if f is None else f
+    with shared_lookups(slopes=True):
+        for j in range(n):
+            found, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
+            columns.append(column)
+            f = found if f is None else f  # backwards all go through one evaluation as far as they can
+        f = rate(x, u, p) if f is None else f
     return f, [[columns[j][i] if pattern is None or pattern[i][j] else 0.0 for j in range(n)] for i in range(n)]
 
 

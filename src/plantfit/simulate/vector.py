@@ -11,10 +11,12 @@ from typing import Any
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
-from plantfit.models.tables import shared_cells
+from plantfit.models.tables import shared_lookups
 from plantfit.simulate.dependencies import dependencies
 
+import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 
 Scalars = tuple[Any, ...]
 
@@ -46,20 +48,35 @@ def vectorise(model: Model) -> VectorModel:
     def named(x, u, p):
         return dict(zip(states, x, strict=True)), dict(zip(channels, u, strict=True)), dict(zip(parameters, p, strict=True))
 
-    def rate(x, u, p):
-        if model.derivative is None:
-            return ()
-        with shared_cells():
-            return _picked(model.derivative(*named(x, u, p)), states, model, "derivative")
+    def functions(share):
+        def rate(x, u, p):
+            if model.derivative is None:
+                return ()
+            with shared_lookups(share):
+                return _picked(model.derivative(*named(x, u, p)), states, model, "derivative")
 
-    def output(x, u, p):
-        with shared_cells():
-            return _picked(model.output(*named(x, u, p)), outputs, model, "output")
+        def output(x, u, p):
+            with shared_lookups(share):
+                return _picked(model.output(*named(x, u, p)), outputs, model, "output")
 
-    reads = dependencies(rate, *placeholders(model))
+        return rate, output
+
+    given = placeholders(model)
+    rate, output = functions(True)
+    if _leaves_a_branch(lambda *a: (rate(*a), output(*a)), given):
+        rate, output = functions(False)
+    reads = dependencies(rate, *given)
     pattern = tuple(tuple(j in row for j in range(len(states))) for row in reads)
     time = len(states) + len(channels) - 1
     return VectorModel(model, states, channels, outputs, parameters, rate, output, any(time in row for row in reads), pattern)
+
+
+def _leaves_a_branch(function: Callable, given: tuple[Scalars, ...]) -> bool:
+    """Whether what a table looks up inside a branch, as of lax.cond, is used again outside of it, which shared look-ups cannot do."""
+    try:
+        return any(isinstance(c, Tracer) for c in jax.make_jaxpr(function)(*given).consts)
+    except jax.errors.UnexpectedTracerError:
+        return True
 
 
 def placeholders(model: Model) -> tuple[Scalars, Scalars, Scalars]:

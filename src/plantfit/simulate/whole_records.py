@@ -12,7 +12,7 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
-from plantfit.simulate.intervals import Row, counted, interval, pulled
+from plantfit.simulate.intervals import Row, counted, interval, pulled, residuals
 from plantfit.simulate.record_rows import Records
 from plantfit.simulate.simulator import Simulator
 
@@ -51,7 +51,7 @@ def squares_of_records(
 def slopes_of_records(
     simulator: Simulator, windows: str, p: Any, x0: Any, directions: Any, records: Records, steps_first: Records
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Residuals (K, L) of every output, and their derivatives (L, K, q) along q directions, for one candidate.
+    """Residuals (K, L) of every output, and its derivatives (L, K, q) along q directions, for one candidate.
 
     Leaves of `p` are (L, ...), those of `x0` (L,); `directions` is a pair like (p, x0) with axes (L, q, ...), `records` and
     `steps_first` those of `RecordRows`. Forward mode, with the
@@ -59,12 +59,13 @@ def slopes_of_records(
     Raises NativeUnsupported for a model without native code.
     """
     step = _chosen(windows, lambda edges: interval(simulator, edges))
+    moving, begin = directions
 
     def forwards(p, x0, rows):
         def body(x, now):
             row, late, knots = now
-            later, residuals = step(late, p, x, row, knots)
-            return later, (x, residuals)
+            later, y = step(late, p, x, row, knots)
+            return later, (x, residuals(y, row))
 
         return native_scan(body, x0, rows, keep=True)[1]
 
@@ -76,10 +77,10 @@ def slopes_of_records(
 
         return native_scan(body, begin, (before, rows), keep=True, used=used)[1]
 
-    before, residuals = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first, 1))
+    before, found = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first, 1))
     before = jax.tree.map(jnp.transpose, before)
     side_by_side = jax.vmap(along, in_axes=(None, 0, 0, None, None, None), out_axes=-1)
-    return residuals, jax.vmap(side_by_side)(p, *directions, before, _rows(records, 0), records.used)
+    return found, jax.vmap(side_by_side)(p, moving, begin, before, _rows(records, 0), records.used)
 
 
 def _joined(squares: tuple[Any, ...], weight: Any) -> tuple[Any, ...]:
