@@ -5,20 +5,30 @@ program itself runs on, and two of them at once wait for each other for ever.
 """
 
 import numpy as np
+from scipy.linalg import lapack
 
-ROWS = 512  # of the pieces that are reduced first, so that they stay in the cache
+ROWS = 256  # of the pieces that are taken in one after the other, so that they stay in the cache
+PANEL = 8  # columns that are reflected together
 TINY = 1e-200  # below it numbers only slow the arithmetic down: their squares are not even denormal
 
 
 def triangle(rows: np.ndarray) -> np.ndarray:
-    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN gives NaN."""
+    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN and infinity give NaN."""
     m, n = rows.shape
-    if not np.all(np.isfinite(rows)):
-        return np.full((min(m, n), n), np.nan)
-    rows = np.where(np.abs(rows) < TINY, 0.0, rows)
-    if m > 2 * ROWS and n < ROWS // 4:
-        rows = np.concatenate([np.linalg.qr(part, mode="r") for part in np.array_split(rows, -(-m // ROWS))])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    if m <= 2 * ROWS or not 0 < n <= ROWS // 4:
+        found = np.linalg.qr(_settled(rows), mode="r") if np.all(np.isfinite(rows)) else np.full((min(m, n), n), np.nan)
+    else:
+        found = np.zeros((n, n), order="F")
+        for first in range(0, m, ROWS):
+            piece = np.asfortranarray(_settled(rows[first : first + ROWS]))
+            # the QR decomposition of a triangle on top of more rows
+            found, _, _, _ = lapack.dtpqrt(0, min(PANEL, n), found, piece, overwrite_a=True, overwrite_b=True)
+        found = np.triu(found)
+    return found if np.all(np.isfinite(found)) else np.full_like(found, np.nan)
+
+
+def _settled(rows: np.ndarray) -> np.ndarray:
+    return np.where(np.abs(rows) < TINY, 0.0, rows)
 
 
 def compressed(blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dimension: int) -> tuple[np.ndarray, np.ndarray]:

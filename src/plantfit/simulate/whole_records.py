@@ -54,9 +54,8 @@ def slopes_of_records(
     """Residuals (K, L) of every output, and its derivatives (L, K, q) along q directions, for one candidate.
 
     Leaves of `p` are (L, ...), those of `x0` (L,); `directions` is a pair like (p, x0) with axes (L, q, ...), `records` and
-    `steps_first` those of `RecordRows`. Forward mode, with the
-    directions as lanes: what they share, which is the whole step but its linear part, is computed once.
-    Raises NativeUnsupported for a model without native code.
+    `steps_first` those of `RecordRows`. Forward mode with the directions as lanes, so that what they share, the whole step but its
+    linear part, is computed once. Raises NativeUnsupported for a model without native code.
     """
     step = _chosen(windows, lambda edges: interval(simulator, edges))
     moving, begin = directions
