@@ -11,7 +11,7 @@ from plantfit.native.c_library import lanes_function
 from plantfit.native.carried import Place, fetch, load_slots, renew
 from plantfit.native.emitter import Emitter
 from plantfit.native.ffi_handler import handler
-from plantfit.native.graph import Node, Region
+from plantfit.native.graph import Node, Region, walk
 from plantfit.native.held_sums import HeldSums
 from plantfit.native.llvm_text import REGISTER
 from plantfit.native.regions import RegionEmitter
@@ -60,28 +60,49 @@ def make_kernel(program: Program, shape: Shape) -> Kernel:
     return Kernel(kernel.text(), tuple(sorted(kernel.e.libm)))
 
 
+def count_nodes(program: Program, lanes: Sequence[bool]) -> tuple[int, int]:
+    """(nodes of the body that are one number for all lanes, the others), given which input leaves vary over the lanes."""
+    uniformity = _analysed(program, lanes)
+    varying = sum(map(uniformity.varies, nodes := list(walk(program.body))))
+    return len(nodes) - varying, varying
+
+
+def _analysed(program: Program, lanes: Sequence[bool]) -> Uniformity:
+    first_carry, first_row = len(program.constants), len(program.constants) + len(program.carry)
+
+    def leaf_varies(node: Node) -> bool:
+        leaf = node.data if node.op == "constant" else node.data[0]
+        return lanes[leaf + (first_row if node.op == "xload" else 0)]
+
+    found = Uniformity(leaf_varies)
+    found.analyse(program.prologue)
+    found.analyse_loop(program.body, program.body.params, [lanes[first_carry + k] for k, _, _ in _carried(program)])
+    return found
+
+
+def _carried(program: Program) -> list[tuple[int, int, int | None]]:
+    """(leaf of the carry, its first entry, entries or None for a number) of every carried parameter, in order."""
+    found: list[tuple[int, int, int | None]] = []
+    for k, ((_, size), memory) in enumerate(zip(program.carry, program.carry_in_memory, strict=True)):
+        found.extend([(k, 0, size)] if memory else [(k, entry, None) for entry in range(size)])
+    return found
+
+
 class _Kernel:
     def __init__(self, program: Program, shape: Shape):
         self.program, self.shape = program, shape
         kinds = [(*c, False) for c in (*program.constants, *program.carry)] + [(*r, True) for r in program.rows]
         self.inputs = [Leaf(*kind, *varies) for kind, varies in zip(kinds, shape.varies, strict=True)]
         outputs = [Leaf(*c, False, True, True) for c in program.carry] + [Leaf(*y, True, True, True) for y in program.ys]
-        self.uniformity = Uniformity(self._leaf_varies)
+        self.uniformity = _analysed(program, [leaf.lanes for leaf in self.inputs])
         self.e = Emitter(shape.width, shape.vectors, self.uniformity.varies, self._constant_storage)
         self.buffers = Buffers(self.e, self.inputs, outputs, shape.narrow)
         self.sums = HeldSums(self.e, table_sums(program.body))
         self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body), self.sums, self._read)
         self.first_carry, self.first_row = len(program.constants), len(program.constants) + len(program.carry)
 
-    def _leaf_varies(self, node: Node) -> bool:
-        leaf = node.data if node.op == "constant" else node.data[0]
-        return self.inputs[leaf + (self.first_row if node.op == "xload" else 0)].lanes
-
     def text(self) -> str:
-        e, program, bits = self.e, self.program, 64 * self.shape.width
-        begin = [self.inputs[self.first_carry + k].lanes for k, _, _ in self._carried()]
-        self.uniformity.analyse(program.prologue)
-        self.uniformity.analyse_loop(program.body, program.body.params, begin)
+        e, bits = self.e, 64 * self.shape.width
         self._groups()
         pointers = [f"ptr noalias readonly %in{i}" for i in range(len(self.inputs))]
         pointers += [f"ptr noalias %out{i}" for i in range(len(self.buffers.outputs))]
@@ -177,18 +198,11 @@ class _Kernel:
             write_entry(self.e, storage, entry, self.buffers.read(node.data, entry))
         return storage
 
-    def _carried(self) -> list[tuple[int, int, int | None]]:
-        """(leaf of the carry, its first entry, entries or None for a number) of every carried parameter, in order."""
-        found: list[tuple[int, int, int | None]] = []
-        for k, ((_, size), memory) in enumerate(zip(self.program.carry, self.program.carry_in_memory, strict=True)):
-            found.extend([(k, 0, size)] if memory else [(k, entry, None) for entry in range(size)])
-        return found
-
     def _begin(self) -> list[Place]:
         """Places of the carry, holding the initial values."""
         e = self.e
         places: list[Place] = []
-        for param, (k, first, size) in zip(self.program.body.params, self._carried(), strict=True):
+        for param, (k, first, size) in zip(self.program.body.params, _carried(self.program), strict=True):
             varying = e.varies(param)
             if size is None:
                 places.append(e.filled_slots(e.type_of(param.dtype, varying), self._initial(k, first, varying)))
@@ -214,7 +228,7 @@ class _Kernel:
     def _finish(self, places: Sequence[Place]) -> None:
         """Write the carry after the last step."""
         e = self.e
-        for param, place, (k, first, size) in zip(self.program.body.params, places, self._carried(), strict=True):
+        for param, place, (k, first, size) in zip(self.program.body.params, places, _carried(self.program), strict=True):
             for entry in range(first, first + (1 if size is None else size)):
                 values = read_entry(e, place, entry) if isinstance(place, Storage) else load_slots(e, param, place)
                 if not e.varies(param):
@@ -222,4 +236,4 @@ class _Kernel:
                 self.buffers.write(k, entry, values)
 
 
-__all__ = ["Kernel", "Program", "Shape", "make_kernel"]
+__all__ = ["Kernel", "Program", "Shape", "count_nodes", "make_kernel"]

@@ -1,7 +1,7 @@
 """The layout of a batch: which axes become groups, which run in turn, and which become SIMD lanes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -30,6 +30,11 @@ class Layout:
     @property
     def lanes(self) -> int:
         return math.prod(self.batch[a] for a in self.lane_axes)
+
+    @property
+    def blocks(self) -> int:
+        """Of a group."""
+        return math.ceil(self.lanes / (self.width * self.vectors))
 
     @property
     def narrow(self) -> bool:
@@ -80,20 +85,32 @@ class Layout:
 
 
 def choose_layout(
-    batch: tuple[int, ...], present: Sequence[Sequence[bool]], rows: Sequence[bool], width: int, most: int, apart: Sequence[bool] = ()
+    batch: tuple[int, ...],
+    present: Sequence[Sequence[bool]],
+    rows: Sequence[bool],
+    width: int,
+    most: int,
+    nodes: Callable[[Layout], tuple[int, int]],
+    apart: Sequence[bool] = (),
+    ys: int = 0,
 ) -> Layout:
     """The axes whose lanes cost least; the others become groups, and so do those that are `apart`.
 
-    Step data that vary over some of the lanes' axes, or of the groups', are copied over the others, K numbers per lane; each such leaf
-    counts as a tenth of the work.
+    `nodes` counts what a step computes once for all lanes and what in every lane. Step data that vary over some of the lanes' axes, or
+    of the groups', are copied over the others, and `ys` leaves of results are turned back where lanes are of several axes.
     """
     axes = tuple(range(len(batch)))
     data = [p for p, r in zip(present, rows, strict=True) if r]
 
     def cost(layout: Layout) -> float:
         sets = (layout.group_axes, layout.lane_axes)
-        copied = sum(any(0 < sum(p[a] for a in axes) < len(axes) for axes in sets) for p in data)
-        return _work(layout) * (1 + 0.1 * copied)
+        copied = ys * layout.groups * layout.lanes if len(layout.lane_axes) > 1 else 0
+        for p in data:
+            if any(0 < sum(p[a] for a in axes) < len(axes) for axes in sets):
+                over_lanes = layout.over_lanes(p)
+                copied += (layout.groups if layout.over_groups(p) else 1) * (layout.lanes if over_lanes else WHOLE)
+        shared, own = nodes(layout)
+        return layout.groups * layout.blocks * (shared + own * _time(layout.vectors)) + COPY * copied
 
     free = [a for a in axes if not (apart and apart[a])]
     subsets = (lanes for count in range(len(free), 0, -1) for lanes in combinations(free, count))
@@ -103,10 +120,13 @@ def choose_layout(
 
 def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:
     layouts = [Layout(batch, groups, lanes, width, vectors) for vectors in range(1, most + 1)]
-    return min(layouts, key=_work)
+    return min(layouts, key=lambda a: a.blocks * _time(a.vectors))
 
 
-def _work(layout: Layout) -> int:
-    """Relative time per step, as measured on loops of some hundred instructions: a block of 1 to 4 vectors takes 4, 4, 5, 6."""
-    blocks = math.ceil(layout.lanes / (layout.width * layout.vectors))
-    return layout.groups * blocks * (2 + max(2, layout.vectors))
+COPY = 16.0  # nodes that take as long as a number of step data that is copied between lanes
+WHOLE = 1 / 8  # of that, for one copied as part of a whole row
+
+
+def _time(vectors: int) -> float:
+    """Relative time of a block of so many vectors, as measured on loops of some hundred instructions: 4, 4, 5, 6."""
+    return (2 + max(2, vectors)) / 4

@@ -14,8 +14,8 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.native.compilation import address_of, key_of
-from plantfit.native.kernel import Program, Shape, make_kernel
-from plantfit.native.layout import choose_layout
+from plantfit.native.kernel import Program, Shape, count_nodes, make_kernel
+from plantfit.native.layout import Layout, choose_layout
 from plantfit.native.processor import host
 from plantfit.native.unsupported import NativeUnsupported
 
@@ -62,8 +62,12 @@ def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flag
     kinds = _core_kinds(loop)
     ends, place = (operands[-1], present[-1]) if loop.ragged else (None, ())
     operands, present = operands[: len(kinds)], present[: len(kinds)]
-    layout = choose_layout(batch, present, [rows for _, rows in kinds], here.width, here.vectors, place)
     program = loop.program
+
+    def nodes(layout: Layout) -> tuple[int, int]:
+        return count_nodes(program, [layout.over_lanes(p) for p in present])
+
+    layout = choose_layout(batch, present, [r for _, r in kinds], here.width, here.vectors, nodes, place, len(program.ys))
     varies = tuple((layout.over_groups(p), layout.over_lanes(p)) for p in present)
     shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, loop.ragged, varies)
     name = _registered(program, shape)
