@@ -24,7 +24,8 @@ class Records(NamedTuple):
 
     used: Any  # (L,) intervals of the record
     late: Any  # whether edges of delayed inputs can fall into the interval
-    t: Any  # (L, K + 1) s
+    begin: Any  # s, of the interval
+    end: Any
     start: tuple[Any, ...]  # per channel but time: value at the start of the interval, of a delayed one at delay 0
     slope: tuple[Any, ...]  # per channel but time: None when held
     at: tuple[Any, ...]  # per input: value at the end of the interval, on its right side
@@ -99,7 +100,7 @@ def _row(track: Track, length: int, most: Sequence[int], interpolated: Sequence[
     k = np.minimum(np.arange(length), n - 1)
     real = np.arange(length) < n
     before = np.where(real, np.maximum(k - 1, 0), n - 1)
-    t = np.r_[d.t[0], d.t[k]]
+    begin, end = d.t[before], d.t[k]
     start = [v[before] for v in d.value]
     slope = [s[before] if linear else None for s, linear in zip(d.slope, interpolated, strict=False)]
     late, knots = np.zeros(length, bool), []
@@ -118,7 +119,7 @@ def _row(track: Track, length: int, most: Sequence[int], interpolated: Sequence[
     scored = [real & w[k] for w in track.scored]
     measured = [np.where(w, y[k], 0.0) for y, w in zip(track.measured, scored, strict=True)]
     at = tuple(v[k] for v in d.value)
-    return Records(np.array(n), late, t, tuple(start), tuple(slope), at, tuple(knots), tuple(measured), tuple(scored))
+    return Records(np.array(n), late, begin, end, tuple(start), tuple(slope), at, tuple(knots), tuple(measured), tuple(scored))
 
 
 __all__ = ["RecordRows", "Records", "make_rows"]

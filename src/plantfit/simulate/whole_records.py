@@ -76,10 +76,10 @@ def slopes_of_records(
 
         return native_scan(body, begin, (before, rows), keep=True, used=used)[1]
 
-    before, found = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first, 1))
+    before, found = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first))
     before = jax.tree.map(jnp.transpose, before)
     side_by_side = jax.vmap(along, in_axes=(None, 0, 0, None, None, None), out_axes=-1)
-    return found, jax.vmap(side_by_side)(p, moving, begin, before, _rows(records, 0), records.used)
+    return found, jax.vmap(side_by_side)(p, moving, begin, before, _rows(records), records.used)
 
 
 def _joined(squares: tuple[Any, ...], weight: Any) -> tuple[Any, ...]:
@@ -109,7 +109,7 @@ class _Loops:
             return totals, before if keep else ()
 
         over = self._over_all(run, ("tables", "numbers", "rows", "ends"), ("numbers", "states"))
-        return over(p, x0, _rows(records, self.place), self._ends(records))
+        return over(p, x0, _rows(records), self._ends(records))
 
     def backwards(self, p: Any, before: Any, weights: Any, records: Records) -> tuple[Any, Any]:
         """Derivatives by p and x0."""
@@ -125,7 +125,7 @@ class _Loops:
             return found, adjoint
 
         over = self._over_all(run, ("tables", "states", "numbers", "rows", "ends"), ("tables", "numbers"))
-        return over(p, before, weights, _rows(records, self.place), self._ends(records))
+        return over(p, before, weights, _rows(records), self._ends(records))
 
     def _over_all(self, run: Callable, given: tuple[str, ...], found: tuple[str, ...]) -> Callable:
         """`run` over candidates and records: "tables" are (..., L, n), "numbers" (L, n), "rows" have no candidates, "states" have both."""
@@ -140,11 +140,10 @@ class _Loops:
         return None if self.place else records.used
 
 
-def _rows(records: Records, place: int) -> tuple[Row, Any, Any]:
-    """The rows of a loop, whether edges can fall into them, and the edges; `place` is the axis of the records."""
+def _rows(records: Records) -> tuple[Row, Any, Any]:
+    """The rows of a loop, whether edges can fall into them, and the edges."""
     r = records
-    t = (r.t[:-1], r.t[1:]) if place else (r.t[:, :-1], r.t[:, 1:])
-    return Row(*t, r.start, r.slope, r.at, r.measured, r.scored), r.late, r.knots
+    return Row(r.begin, r.end, r.start, r.slope, r.at, r.measured, r.scored), r.late, r.knots
 
 
 def _chosen(windows: str, of: Callable[[bool], Callable]) -> Callable:
