@@ -3,6 +3,7 @@
 from typing import Any
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
+from plantfit.models.tangents import still
 
 # isort: split
 import jax
@@ -27,13 +28,9 @@ _quotient = jax.jit(_ruled, inline=True)  # numpy arrays under vmap become jax's
 def _moved(primals: Any, tangents: Any) -> Any:
     (a, b), (da, db) = primals, tangents
     q = _quotient(a, b)
-    if _still(db):
-        return q, jnp.zeros_like(q) if _still(da) else jnp.broadcast_to(_quotient(da, b), q.shape)
-    return q, _quotient(-q * db if _still(da) else da - q * db, b)
-
-
-def _still(tangent: Any) -> bool:
-    return isinstance(tangent, jax.custom_derivatives.SymbolicZero)
+    if still(db):
+        return q, jnp.zeros_like(q) if still(da) else jnp.broadcast_to(_quotient(da, b), q.shape)
+    return q, _quotient(-q * db if still(da) else da - q * db, b)
 
 
 _ruled.defjvp(_moved, symbolic_zeros=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
+from plantfit.models.tangents import still
 
 # isort: split
 import jax
@@ -117,14 +118,10 @@ def _slope(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
 def _line_moved(nodes: tuple[float, ...], primals: Any, tangents: Any) -> Any:
     # what is looked up once is pulled back once
     (values, x), (along_values, along_x) = primals, tangents
-    moved = [] if _still(along_x) else [_shared(_slope, values, nodes, x) * along_x]
-    moved += [] if _still(along_values) else [_interpolated(along_values, nodes, x)]
+    moved = [] if still(along_x) else [_shared(_slope, values, nodes, x) * along_x]
+    moved += [] if still(along_values) else [_interpolated(along_values, nodes, x)]
     y = _shared(_line, values, nodes, x)
     return y, sum(moved[1:], moved[0]) if moved else jnp.zeros_like(y)
-
-
-def _still(tangent: Any) -> bool:
-    return isinstance(tangent, jax.custom_derivatives.SymbolicZero)
 
 
 def _between(left: Any, right: Any, weight: Any) -> Any:

@@ -24,7 +24,8 @@ def triangle(rows: np.ndarray) -> np.ndarray:
             # the QR decomposition of a triangle on top of more rows
             found, _, _, _ = lapack.dtpqrt(0, min(PANEL, n), found, piece, overwrite_a=True, overwrite_b=True)
         found = np.triu(found)
-    return found if np.all(np.isfinite(found)) else np.full_like(found, np.nan)
+    found = np.asarray(found)
+    return found if np.all(np.isfinite(found)) else np.full(found.shape, np.nan)
 
 
 def _settled(rows: np.ndarray) -> np.ndarray:

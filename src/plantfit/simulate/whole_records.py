@@ -1,4 +1,4 @@
-"""Costs of candidates side by side, and their gradients, in one native loop over whole records.
+"""Costs of candidates side by side, their gradients, and slopes of one candidate's residuals, in native loops over whole records.
 
 Many candidates are the lanes of the machine code, and records are worked off one after the other, each to its own end. Of few
 candidates the records are the lanes (`steps_first`). Arrays have the axes that the code wants, so that nothing is transposed on the
