@@ -58,6 +58,11 @@ def prepared(name) -> SimpleNamespace:
     )
 
 
+def anew(function, **options):
+    """Compiled once more: jax.jit would find what it compiled for an equal method before."""
+    return jax.jit(lambda *given: function(*given), **options)
+
+
 def close(actual, expected, tolerance):
     expected = np.asarray(expected)
     np.testing.assert_allclose(actual, expected, rtol=tolerance, atol=tolerance * np.max(np.abs(expected)))
@@ -110,15 +115,18 @@ def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
         return
     weights = {n: 1.0 + k for k, n in enumerate(batched.names)}
     numbers = q.problem.arguments._replace(weight=np.array(list(weights.values())))
-    ways = []
+    ways, taken, side_by_side = [], [], Batched._side_by_side
+    monkeypatch.setattr(Batched, "_side_by_side", lambda *given: taken.append(True) or side_by_side(*given))
     for even in (True, False):
         monkeypatch.setattr(RecordRows, "even", even)
-        ways.append(jax.jit(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers))
+        ways.append(anew(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers))
+        assert bool(taken) == even
+        taken.clear()
     for record, other in zip(*ways, strict=True):
         for ours, theirs in zip(record, other, strict=True):
             assert ours.shape == theirs.shape
             close(ours, theirs, 1e-11)
-    plainly = jax.jit(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers._replace(weight=None))
+    plainly = anew(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers._replace(weight=None))
     for record, plain, weight in zip(ways[0], plainly, weights.values(), strict=True):
         for a, b in zip(record, plain, strict=True):
             close(a, np.sqrt(weight) * b, 1e-12)
@@ -134,15 +142,16 @@ def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(n
     ways = []
     for together in (True, False):
         monkeypatch.setattr(RecordRows, "together", lambda self, candidates, so=together: so)
-        costs, gradients = jax.jit(batched.values_and_gradients)(q.zs, numbers)
+        compiled = anew(batched.values_and_gradients)
+        costs, gradients = compiled(q.zs, numbers)
         for k in range(len(q.zs)):
-            cost, gradient = jax.jit(batched.values_and_gradients)(q.zs[k : k + 1], numbers)
+            cost, gradient = compiled(q.zs[k : k + 1], numbers)
             np.testing.assert_array_equal(cost[0], costs[k])
             close(gradient[0], gradients[k], 1e-14)  # XLA turns parameters into coordinates, to rounding
         ways.append((costs, gradients))
     np.testing.assert_array_equal(ways[0][0], ways[1][0])
     close(ways[0][1], ways[1][1], 1e-14)
-    np.testing.assert_array_equal([jax.jit(batched.cost)(z, numbers) for z in q.zs], ways[0][0])
+    np.testing.assert_array_equal([anew(batched.cost)(z, numbers) for z in q.zs], ways[0][0])
     close(jax.jit(jax.grad(partial(batched.cost, reverse=True)))(q.zs[0], numbers), ways[0][1][0], 1e-12)
 
 
@@ -174,3 +183,13 @@ def test_few_rows_keep_mean_square_gradient_and_gauss_newton_matrix(name):
     close(few @ few / len(few), r @ r / len(r), 1e-10)
     close(own.T @ few / len(few), jacobian.T @ r / len(r), 1e-9)
     close(own.T @ own / len(few), jacobian.T @ jacobian / len(r), 1e-9)
+
+
+def test_records_that_lie_elsewhere_need_other_compiled_functions():
+    one = CASES["one record"]
+    a, b = (dataclasses.replace(one, lengths=lengths).problem()._functions for lengths in ((200, 90), (90, 200)))
+    same = {"scored": tuple((np.arange(10),) for _ in range(2))}
+    a, b = (dataclasses.replace(batched, **same) for batched in (a, b))
+    assert a.rows.rows == b.rows.rows
+    assert a.alike(a)
+    assert not a.alike(b)

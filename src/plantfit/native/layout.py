@@ -12,6 +12,9 @@ import plantfit.runtime  # noqa: F401
 import jax
 import jax.numpy as jnp
 
+COPY = 16.0  # nodes that take as long as a number of step data that is copied between lanes
+WHOLE = 1 / 8  # of that, for one copied as part of a whole row
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -121,10 +124,6 @@ def choose_layout(
 def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:
     layouts = [Layout(batch, groups, lanes, width, vectors) for vectors in range(1, most + 1)]
     return min(layouts, key=lambda a: a.blocks * _time(a.vectors))
-
-
-COPY = 16.0  # nodes that take as long as a number of step data that is copied between lanes
-WHOLE = 1 / 8  # of that, for one copied as part of a whole row
 
 
 def _time(vectors: int) -> float:

@@ -122,7 +122,7 @@ def scan_used(body: Callable, carry: Any, rows: Any, steps: int | None, reverse:
         after, y = body(c, row)
         return jax.tree.map(lambda new, old: jnp.where(k < used, new, old), after, c), y
 
-    steps = steps or jax.tree.leaves(rows)[0].shape[0]
+    steps = jax.tree.leaves(rows)[0].shape[0] if steps is None else steps
     return jax.lax.scan(held, carry, (jnp.arange(steps), rows), reverse=reverse)
 
 

@@ -86,7 +86,9 @@ class Batched:
         shapes = [jax.tree.map(np.shape, (b.rows.chunks, b.whole and b.whole.records)) for b in (self, other)]
         windows = [(b.rows.windows, b.whole and b.whole.windows) for b in (self, other)]
         same = windows[0] == windows[1] and self.names == other.names and shapes[0] == shapes[1]
-        return same and all(np.array_equal(a, b) for a, b in zip(_flat(self.scored), _flat(other.scored), strict=True))
+        # both are compiled in: records of other lengths may lie elsewhere though the same samples are scored
+        mine, theirs = ([*_flat(b.scored), *_flat(b.picked)] for b in (self, other))
+        return same and all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
 
     def with_simulator(self, simulator: Simulator) -> "Batched":
         """The same records with other steps."""
@@ -287,8 +289,8 @@ def _at(a: Any, samples: np.ndarray) -> Any:
     return a[first : first + len(samples)] if following else jnp.take(a, samples, axis=0)
 
 
-def _flat(scored: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
-    return [samples for record in scored for samples in record]
+def _flat(nested: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
+    return [a for record in nested for a in record]
 
 
 def _widened(bounds: tuple[float, float]) -> tuple[float, float]:
