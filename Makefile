@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-slow check bench bbob browser postgres clean
+.PHONY: help demo test test-slow test-versions fuzz release check bench bbob browser postgres clean
 
 help:  ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
@@ -23,6 +23,21 @@ test: $(DEV) browser postgres  ## All fast tests
 
 test-slow: $(DEV) browser postgres  ## Longer studies
 	$(BIN)/python -m pytest -m slow
+
+fuzz: $(DEV)  ## Broken inputs to every reader for MINUTES=5; SEED=1 repeats
+	$(BIN)/python tests/fuzz/fuzz.py --minutes $(or $(MINUTES),5) $(if $(SEED),--seed $(SEED))
+
+test-versions: $(DEV)  ## The suite on the lowest and the newest versions of all dependencies; TESTS="tests/native ..." runs a part
+	$(BIN)/python tools/lowest.py > $(VENV)/lowest.txt
+	for kind in lowest newest; do \
+	  $(PYTHON) -m venv $(VENV)-$$kind && \
+	  PIP_DISABLE_PIP_VERSION_CHECK=1 $(VENV)-$$kind/bin/python -m pip install --quiet --editable '.[dev]' \
+	    $$(test $$kind = newest && echo --upgrade || echo --constraint $(VENV)/lowest.txt) && \
+	  $(VENV)-$$kind/bin/python -m pytest -m "not slow" -n $(WORKERS) --dist worksteal $(TESTS) || exit 1; \
+	done
+
+release: $(DEV)  ## Build sdist and wheel twice, compare them, install the wheel elsewhere; nothing is uploaded
+	$(BIN)/python tools/release.py
 
 check: $(DEV)  ## Lint, format, types, imports between rooms
 	$(BIN)/ruff check src tests benchmarks

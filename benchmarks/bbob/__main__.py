@@ -154,6 +154,9 @@ def print_tables(options: argparse.Namespace) -> None:
     pairs = [(name, r) for name, entry in ours.portfolio().items() for r in entry.references]
     for dimension in options.dimensions:
         of = table.by_method(results, dimension)
+        if options.markdown:
+            print("\n".join(["", *table.page_table(of, pairs, dimension)]))
+            continue
         parts = [table.area_table(of, dimension), table.comparison_table(of, pairs, dimension)] if of else []
         if options.ert:
             parts.append(table.running_time_table(of, sorted(of), dimension))
@@ -176,16 +179,18 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--alone", action="store_true", help="do not add the references of the methods named")
     parser.add_argument("--dimensions", type=numbers, default=list(DIMENSIONS), help="default 5,20")
     parser.add_argument("--functions", type=numbers, default=list(FUNCTIONS), help="default 1-24")
+    parser.add_argument("--instances", type=numbers, help="default 1-15; with --quick 1-3")
     parser.add_argument("--quick", action="store_true", help="3 instances and 100 d evaluations in place of 15 and 1000 d")
     parser.add_argument("--out", type=Path, help="folder of results, which is filled up (default out/bbob or out/bbob-quick)")
     parser.add_argument("--again", action="store_true", help="run what the folder already has")
     parser.add_argument("--logs", action="store_true", help="also write COCO logs under OUT/logs/METHOD")
     parser.add_argument("--ert", action="store_true", help="also print expected running times by function")
     parser.add_argument("--table", action="store_true", help="run nothing, print tables of what the folder has")
+    parser.add_argument("--markdown", action="store_true", help="print the tables of docs/bbob.md in place of the others")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(arguments)
     size = QUICK if options.quick else FULL
-    options.instances, options.per_dimension = size["instances"], size["per_dimension"]
+    options.instances, options.per_dimension = tuple(options.instances or size["instances"]), size["per_dimension"]
     options.out = (options.out or Path("out") / ("bbob-quick" if options.quick else "bbob")).resolve()
     return options
 

@@ -31,6 +31,11 @@ def areas(hits: Any, dimension: int) -> np.ndarray:
         return np.mean(np.clip((DECADES - np.log10(times)) / DECADES, 0.0, 1.0), axis=-1)
 
 
+def shares(hits: Any) -> np.ndarray:
+    """Share (k,) of its targets that each run had reached by its end, from hits (k, t)."""
+    return np.mean(np.isfinite(np.asarray(hits, dtype=float)), axis=-1)
+
+
 def running_times(hits: Any, spent: Any) -> np.ndarray:
     """Expected running time (t,) of every target from hits (k, t) and evaluations spent (k,)."""
     return np.array([expected_running_time(np.asarray(spent, dtype=float), column) for column in np.asarray(hits, dtype=float).T])

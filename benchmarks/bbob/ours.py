@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from benchmarks.bbob.references import jso_population
 from benchmarks.bbob.suite import LOWER, UPPER, Done, Run, seed_of
 from plantfit.errors import Status
 from plantfit.optimize.contract import Facts, Objective
@@ -26,11 +27,14 @@ from jax import Array, lax
 
 
 class Ours(NamedTuple):
-    """A registered method with settings, and the references it is held to."""
+    """A registered method with settings, which may depend on the dimension, and the references it is held to."""
 
     method: str
-    settings: dict[str, Any]
+    settings: dict[str, Any] | Callable[[int], dict[str, Any]]
     references: tuple[str, ...]
+
+    def made(self, dimension: int) -> Any:
+        return make(self.method, **(self.settings(dimension) if callable(self.settings) else self.settings))
 
 
 REFERENCES_OF: dict[str, tuple[str, ...]] = {
@@ -49,8 +53,8 @@ REFERENCES_OF: dict[str, tuple[str, ...]] = {
     "salp_swarm": ("mealpy-sso",),
     "de": ("pymoo-de", "pymoo-de-published"),
     "shade": ("minion-shade",),
-    "lshade": ("minion-lshade",),
-    "jso": ("minion-jso",),
+    "lshade": ("minion-lshade-few", "minion-lshade"),
+    "jso": ("minion-jso-few", "minion-jso"),
     "dish": ("dish-python", "dish-python-repaired"),
     "hms": ("pyhms", "pyhms-repaired"),
     "nelder_mead": ("scipy-nelder-mead",),
@@ -64,6 +68,14 @@ VARIANTS = {
     "salp_swarm-paper": Ours("salp_swarm", {"variant": "paper"}, ("mealpy-sso",)),
     "salp_swarm-shift_invariant": Ours("salp_swarm", {"variant": "shift_invariant"}, ("mealpy-sso",)),
     "de-best": Ours("de", {"strategy": "best/1"}, ("scipy-de",)),
+    "lshade-paper-n": Ours("lshade", lambda d: {"population": 18 * d}, ("minion-lshade",)),
+    "jso-paper-n": Ours("jso", lambda d: {"population": jso_population(d)}, ("minion-jso",)),
+    "lshade-nearest": Ours("lshade", {"rounding": "nearest"}, ("minion-lshade-few",)),
+    "jso-nearest": Ours("jso", {"rounding": "nearest"}, ("minion-jso-few",)),
+    "lshade-paper-n-nearest": Ours("lshade", lambda d: {"population": 18 * d, "rounding": "nearest"}, ("minion-lshade",)),
+    "jso-paper-n-nearest": Ours("jso", lambda d: {"population": jso_population(d), "rounding": "nearest"}, ("minion-jso",)),
+    "cmaes-penalty": Ours("cmaes", {"bounds": "penalty"}, ("pycma",)),
+    "cmaes-mirror": Ours("cmaes", {"bounds": "mirror"}, ("pycma",)),
 }
 
 
@@ -81,7 +93,7 @@ def unfit(ours: Ours) -> str | None:
 
 def run_ours(ours: Ours, runs: list[Run], seed: int) -> float:
     """All runs of a method; processor seconds without compilation."""
-    method: Any = make(ours.method, **ours.settings)
+    method = ours.made(runs[0].dimension)
     if hasattr(method, "choose"):
         method, _ = method.choose(_objective(runs[0], gradient=False), runs[0].budget)
     seeds = [seed_of(seed, r.problem.function, r.dimension, r.problem.instance) for r in runs]
@@ -215,4 +227,4 @@ def about(ours: Ours, dimension: int, budget: int) -> dict[str, Any]:
     """Package, version and settings as text for the results."""
     import plantfit
 
-    return {"package": f"plantfit {plantfit.__version__}", "settings": repr(make(ours.method, **ours.settings)), "budget": budget}
+    return {"package": f"plantfit {plantfit.__version__}", "settings": repr(ours.made(dimension)), "budget": budget}

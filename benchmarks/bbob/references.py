@@ -188,6 +188,27 @@ def minion(run: Run, seed: int, *, name: str, options: Callable[[int], dict[str,
     getattr(minionpy, name)(costs, bounds, maxevals=run.remaining, seed=seed, options=options(run.dimension)).optimize()
 
 
+def few(paper: int, dimension: int) -> int:
+    """Members that our L-SHADE and jSO begin with in place of the paper's, for 1000 d evaluations."""
+    return min(paper, max(50, 10 * dimension))
+
+
+def jso_population(dimension: int) -> int:
+    """25 ln(d) sqrt(d), as our jSO rounds it."""
+    return round(25 * math.log(dimension) * math.sqrt(dimension))
+
+
+def lshade_options(dimension: int, *, fewer: bool = False) -> dict[str, Any]:
+    """The paper's first population or ours; nothing ends a run before its budget."""
+    return {"population_size": few(18 * dimension, dimension) if fewer else 18 * dimension, "x_tol": 0.0}
+
+
+def jso_options(dimension: int, *, fewer: bool = False) -> dict[str, Any]:
+    """The same for jSO."""
+    n = jso_population(dimension)
+    return {"population_size": few(n, dimension) if fewer else n, "x_tol": 0.0}
+
+
 def fixed_population(dimension: int) -> dict[str, Any]:
     """Options that make SHADE of minionpy's L-SHADE: nothing shrinks, memory and archive as in Tanabe and Fukunaga 2013."""
     return {"population_size": 100, "minimum_population_size": 100, "memory_size": 100, "archive_size_ratio": 1.0, "x_tol": 0.0}
@@ -212,9 +233,15 @@ def mealpy_sso(run: Run, seed: int) -> None:
 
 REFERENCES: dict[str, Reference] = {
     "numpy-random": Reference(numpy_random, "numpy", "uniform points"),
-    "minion-jso": Reference(partial(minion, name="jSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "x_tol 0"),
-    "minion-lshade": Reference(
-        partial(minion, name="LSHADE", options=lambda d: {"population_size": 18 * d, "x_tol": 0.0}), "minionpy", "N0 = 18 d, x_tol 0"
+    "minion-jso": Reference(partial(minion, name="jSO", options=jso_options), "minionpy", "N0 = 25 ln(d) sqrt(d), x_tol 0"),
+    "minion-jso-few": Reference(
+        partial(minion, name="jSO", options=partial(jso_options, fewer=True)), "minionpy", "N0 at most max(50, 10 d), x_tol 0"
+    ),
+    "minion-lshade": Reference(partial(minion, name="LSHADE", options=lshade_options), "minionpy", "N0 = 18 d, x_tol 0"),
+    "minion-lshade-few": Reference(
+        partial(minion, name="LSHADE", options=partial(lshade_options, fewer=True)),
+        "minionpy",
+        "N0 at most max(50, 10 d), x_tol 0",
     ),
     "minion-shade": Reference(partial(minion, name="LSHADE", options=fixed_population), "minionpy", "L-SHADE held at N = H = 100"),
     "minion-pso": Reference(partial(minion, name="PSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "defaults (N = 5 d), x_tol 0"),

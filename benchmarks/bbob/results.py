@@ -3,7 +3,7 @@
 import json
 import os
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,12 @@ class Result:
     def hits(self) -> np.ndarray:
         """Evaluations (k, 51) until each target was reached, inf where it was not."""
         return np.array([first_hits(at, above) for at, above in zip(self.at, self.above, strict=True)]).reshape(-1, len(TARGETS))
+
+    def only(self, instances: Any) -> "Result":
+        """The runs on these instances alone."""
+        rows = np.flatnonzero(np.isin(self.instances, instances))
+        at, above = ([part[i] for i in rows] for part in (self.at, self.above))
+        return replace(self, instances=self.instances[rows], spent=self.spent[rows], at=at, above=above)
 
 
 def first_hits(at: Any, above: Any) -> np.ndarray:

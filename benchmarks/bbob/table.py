@@ -1,11 +1,12 @@
 """What the results say, as text: areas of everybody, methods against their references, rates."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.bbob.ecdf import areas, differences, running_times
+from benchmarks.bbob.ecdf import Difference, areas, differences, running_times, shares
 from benchmarks.bbob.results import Result
 from benchmarks.bbob.suite import FUNCTIONS, TARGETS
 
@@ -51,24 +52,102 @@ def area_table(of: ByMethod, dimension: int) -> list[str]:
     return lines
 
 
+def paired(of: ByMethod, pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The pairs that have a function in common."""
+    return [(a, b) for a, b in pairs if a in of and b in of and set(of[a]) & set(of[b])]
+
+
+def common_runs(of: ByMethod, pair: tuple[str, str]) -> tuple[dict[int, Result], dict[int, Result]]:
+    """Results of both on the functions and instances that both have."""
+    ours, theirs = (of[m] for m in pair)
+    functions = sorted(set(ours) & set(theirs))
+    found = [(f, np.intersect1d(ours[f].instances, theirs[f].instances)) for f in functions]
+    found = [(f, instances) for f, instances in found if len(instances)]
+    return {f: ours[f].only(i) for f, i in found}, {f: theirs[f].only(i) for f, i in found}
+
+
+def compared(
+    of: ByMethod, pairs: Iterable[tuple[str, str]], measure: Callable[[Result], np.ndarray], without: Iterable[int] = ()
+) -> list[Difference]:
+    """Differences of a measure (runs,) over the functions of each pair, but for those in `without`; Holm over the pairs."""
+    each: dict[str, dict[int, np.ndarray]] = {}
+    names = []
+    for k, pair in enumerate(pairs):
+        # a reference may have more instances for one method than for another
+        name = tuple(f"{k} {m}" for m in pair)
+        for key, results in zip(name, common_runs(of, pair), strict=True):
+            each[key] = {f: measure(r) for f, r in results.items() if f not in without}
+        names.append(name)
+    found = differences(each, names)
+    return [replace(d, method=a, reference=b) for d, (a, b) in zip(found, pairs, strict=True)]
+
+
+def area(result: Result) -> np.ndarray:
+    return areas(result.hits(), result.dimension)
+
+
+def at_the_end(result: Result) -> np.ndarray:
+    return shares(result.hits())
+
+
 def comparison_table(of: ByMethod, pairs: Iterable[tuple[str, str]], dimension: int) -> list[str]:
     """One line a pair: areas, wins and losses, signed-rank p after Holm, A12, and the ratio of expected running times to 1e-8."""
-    there = [(a, b) for a, b in pairs if a in of and b in of and set(of[a]) & set(of[b])]
+    there = paired(of, pairs)
     if not there:
         return []
-    each = {m: {f: areas(r.hits(), dimension) for f, r in of[m].items()} for m in {m for pair in there for m in pair}}
     lines = [
         f"{dimension}-D, methods against references (p: Wilcoxon over functions, Holm over the lines of this table)",
         f"{'method':28}{'reference':24}{'area':>7}{'its':>7}{'won':>5}{'lost':>5}{'p':>10}{'p Holm':>10}{'A12':>7}"
         f"{'ERT ratio':>11}{'on':>4}",
     ]
-    for d in differences(each, there):
-        ratio, both = ert_ratio(of[d.method], of[d.reference])
+    for d in compared(of, there, area):
+        ratio, both = ert_ratio(*common_runs(of, (d.method, d.reference)))
         lines.append(
             f"{d.method:28}{d.reference:24}{d.area:7.3f}{d.reference_area:7.3f}{d.better:5}{d.worse:5}{d.p:10.2g}{d.p_holm:10.2g}"
             f"{d.effect:7.3f}{ratio:11.2f}{both:4}"
         )
     return lines
+
+
+SLOPE = (5,)  # the linear slope, whose optimum is a corner of the box: it tells how bounds are kept and little else
+
+
+def page_table(of: ByMethod, pairs: Iterable[tuple[str, str]], dimension: int) -> list[str]:
+    """The two tables of docs/bbob.md for one dimension, in Markdown: areas, then the same without f5 and targets at the end.
+
+    A method that is behind by more than chance (p < 0.05 after Holm) stands in bold.
+    """
+    there = paired(of, pairs)
+    if not there:
+        return []
+    areas_of, end, sloped = compared(of, there, area), compared(of, there, at_the_end), compared(of, there, area, SLOPE)
+    first = [
+        f"Area in {dimension}-D:", "",
+        "| ours | reference | instances | area | its | won | lost | p (Holm) | A12 | ratio of ERT |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]  # fmt: skip
+    second = [
+        "", f"Without the linear slope f5, and targets reached at the end of the budget, in {dimension}-D:", "",
+        "| ours | reference | area without f5 | its | won | lost | p (Holm) | reached | its | won | lost | p (Holm) |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]  # fmt: skip
+    for a, e, s in zip(areas_of, end, sloped, strict=True):
+        common = common_runs(of, (a.method, a.reference))
+        ratio, _ = ert_ratio(*common)
+        runs = min(len(r.instances) for r in common[0].values())
+        part = "" if len(common[0]) == len(FUNCTIONS) else f" ({len(common[0])} functions)"
+        first.append(f"| {_name(a.method, a)} | {a.reference}{part} | {runs} | {_cells(a)} | {a.effect:.3f} | {ratio:.2f} |")
+        second.append(f"| {_name(a.method, s, e)} | {a.reference}{part} | {_cells(s)} | {_cells(e)} |")
+    return first + second
+
+
+def _name(method: str, *differences: Difference) -> str:
+    behind = any(d.p_holm < 0.05 and d.area < d.reference_area for d in differences)
+    return f"**`{method}`**" if behind else f"`{method}`"
+
+
+def _cells(d: Difference) -> str:
+    return f"{d.area:.3f} | {d.reference_area:.3f} | {d.better} | {d.worse} | {d.p_holm:.2g}"
 
 
 def ert_ratio(ours: Mapping[int, Result], theirs: Mapping[int, Result]) -> tuple[float, int]:

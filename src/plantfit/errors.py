@@ -55,7 +55,9 @@ class EquationError(ModelError):
         shown = message
         if text:
             source = text.split("\n")[line]
-            shown = f"{message}\n    {source}\n    {' ' * column}^"
+            first = max(0, column - 70)  # a window of a line that is longer than a screen
+            left, right = "..." if first else "", "..." if len(source) > first + 140 else ""
+            shown = f"{message}\n    {left}{source[first : first + 140]}{right}\n    {' ' * (len(left) + column - first)}^"
         super().__init__(shown)
 
 
@@ -105,6 +107,10 @@ class Interrupted(PlantfitError):
     """Stopped by the user; what was finished is kept."""
 
     exit_code = 130
+
+
+class PlantfitWarning(UserWarning):
+    """Something that works otherwise than usual, in one sentence; the command line prints it, Python warns."""
 
 
 class Status(enum.StrEnum):

@@ -189,14 +189,21 @@ class Space:
         return float(np.min(low)), float(np.max(high))
 
     def physical(self, z: Any) -> Array:
-        """Cube points (..., d) to values in the declared units (..., d)."""
-        z = jnp.asarray(z)
+        """Cube points (..., d) to values in the declared units (..., d); numpy's numbers by numpy, which compiles nothing."""
+        xp: Any = np if isinstance(z, np.ndarray | list | tuple) else jnp
+        z = xp.asarray(z)
         # log bounds are replaced where unused, so that no gradient meets log of a negative
         low = np.where(self.log, np.maximum(self.lower, 1e-300), 1.0)
         high = np.where(self.log, np.maximum(self.upper, 1e-300), 1.0)
         linear = self.lower + z * (self.upper - self.lower)
-        log = jnp.exp(np.log(low) + jnp.where(self.log, z, 0.0) * (np.log(high) - np.log(low)))
-        return jnp.where(self.log, log, linear)
+        log = xp.exp(np.log(low) + xp.where(self.log, z, 0.0) * (np.log(high) - np.log(low)))
+        return xp.where(self.log, log, linear)
+
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """Derivative (d,) of each value by its own coordinate at a cube point (d,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log = np.asarray(self.physical(np.asarray(z))) * np.log(self.upper / self.lower)
+        return np.where(self.log, log, self.upper - self.lower)
 
     def cube(self, values: Any) -> np.ndarray:
         """Values in the declared units (..., d) to cube points (..., d); the inverse of `physical`."""

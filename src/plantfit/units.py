@@ -12,6 +12,11 @@ from plantfit.errors import UnitError
 if TYPE_CHECKING:
     import pint
 
+
+class LogarithmicUnitError(UnitError):
+    """A unit of levels, such as dB."""
+
+
 DIMENSIONLESS = ("", "-", "\N{EN DASH}", "1")
 
 # names that pint lacks; prefixes (mNm, kOhm) follow by themselves
@@ -26,6 +31,7 @@ _DEFINITIONS = (
     "pulse = count",
     "lsb = count = _ = LSB = digit",
     "@alias ohm = Ohm",
+    "pH = [acidity]",  # and not picohenry
 )
 
 _SPELLINGS = (
@@ -41,6 +47,7 @@ _SPELLINGS = (
     (r"^\s*/", "1/"),
 )
 
+_QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
@@ -85,8 +92,8 @@ def _parse(text: str) -> "pint.Unit":
         found.dimensionality  # noqa: B018  (some texts fail only here)
     except Exception as error:  # pint's parser raises many kinds on free text
         raise UnitError(f"{text!r} is not a known unit{_suggestion(spelled, error)}") from None
-    if any("decibel" in name or "neper" in name for name in found._units):
-        raise UnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
+    if any("decibel" in name or "neper" in name or name in ("decade", "octave") for name in found._units):
+        raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
     return found
 
 
@@ -117,6 +124,17 @@ def known(unit: str) -> bool:
     return True
 
 
+def logarithmic(unit: str) -> bool:
+    """Whether the text is a unit of levels, such as dB, which `parse` refuses."""
+    try:
+        parse(unit)
+    except LogarithmicUnitError:
+        return True
+    except UnitError:
+        return False
+    return False
+
+
 def dimension(unit: "str | pint.Unit") -> Any:
     """Dimensionality of a unit (a comparable, hashable pint UnitsContainer); `%`, `rad` and counts have none."""
     return parse(unit).dimensionality
@@ -131,8 +149,8 @@ def compatible(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
 def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:
     """(factor, offset) with value_in_target = factor * value_in_source + offset.
 
-    Raises UnitError for different dimensions, and between Hz and angles per time, where 1 Hz
-    could be 1 rad/s or one turn per second.
+    Raises UnitError for different dimensions, between Hz and angles per time, where 1 Hz
+    could be 1 rad/s or one turn per second, and between a temperature and a difference of temperatures.
     """
     a, b = parse(source), parse(target)
     if a == b and str(a) == str(b):
@@ -148,9 +166,46 @@ def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple
             "write 'turn/s' instead of 'Hz' if a cycle is one turn."
         )
     convert_units = registry().convert
+    if (_has_offset(a) and is_difference(b)) or (is_difference(a) and _has_offset(b)):
+        raise UnitError(
+            f"Unit {str(source)!r} and {str(target)!r} are a temperature and a difference of temperatures, of which one does not give the "
+            "other; name the unit that the values really have."
+        )
     factor = float(convert_units(1.0, _difference(a), _difference(b)))
     zero = float(convert_units(0.0, a, b)) if _has_offset(a) or _has_offset(b) else 0.0
     return factor, zero
+
+
+def factor(source: "str | pint.Unit", target: "str | pint.Unit") -> float:
+    """How many `target` a difference of one `source` is: 1 degC is 1 K. Raises UnitError as `factor_offset` does."""
+    a, b = _difference(parse(source)), _difference(parse(target))
+    return factor_offset(a, b)[0]
+
+
+def quantity(text: str) -> tuple[float, str]:
+    """Number and unit of a text such as "20 degC"; raises UnitError for other texts."""
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
+        raise UnitError(f"{text!r} is not a number with a unit; write for example '20 degC'.")
+    unit = found["unit"].strip()
+    parse(unit)
+    return float(found["number"]), unit
+
+
+def is_point(unit: "str | pint.Unit") -> bool:
+    """Whether the zero of a unit is not nothing, as that of degC and degF."""
+    return _has_offset(parse(unit))
+
+
+def is_difference(unit: "str | pint.Unit") -> bool:
+    """Whether a unit is that of differences of temperatures only, as delta_degC."""
+    parsed = parse(unit)
+    return list(parsed._units.values()) == [1] and next(iter(parsed._units)).startswith("delta_")
+
+
+def difference_of(unit: str | None) -> str | None:
+    """The unit of differences: delta_degC of degC, of most others itself."""
+    return str(_difference(parse(unit))) if unit is not None and is_point(unit) else unit
 
 
 def convert(value: Any, source: "str | pint.Unit", target: "str | pint.Unit") -> Any:

@@ -73,7 +73,7 @@ def test_gaps_are_not_negative_and_refined_by_least_squares(problem, floor, swar
 
 
 def test_every_run_of_bounded_least_squares_reaches_the_optimum(problem, floor):
-    found = method_runs(problem, floor, "least_squares", {"agree": 1}, 20, 5000, 3)
+    found = method_runs(problem, floor, "least_squares", {"agree": 3}, 20, 5000, 3)
     assert np.all(np.abs(found.gap) < 1e-6)
 
 

@@ -35,6 +35,6 @@ def test_residuals_are_those_of_the_two_records_over_their_scales(problem):
     x = problem.space.vector(VALUES)
     r = np.asarray(problem.residuals(problem.space.cube(x)))
     prbs, curve = problem.experiments["prbs"].recording, problem.experiments["curve"].recording
-    moving = (problem.predict(x, "prbs")["y"] - prbs["y"])[:2046] / 5.0
-    steady = (problem.predict(x, "curve")["settled"] - curve["settled"]) / 38.0
+    moving = (problem.predict(x, "prbs")["y"] - prbs["y"])[:2046] / problem.scales["y"]
+    steady = (problem.predict(x, "curve")["settled"] - curve["settled"]) / problem.scales["settled"]
     assert r == pytest.approx(np.concatenate([moving, steady]), abs=1e-9)

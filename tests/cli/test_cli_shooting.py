@@ -29,6 +29,7 @@ x0 = { bounds = [0.5, 2.0], unit = "mm" }
 methods = ["lbfgsb"]
 settings = { lbfgsb = { max_steps = 30 } }
 budget = 100
+seed = 5
 """
 
 

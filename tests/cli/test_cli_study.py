@@ -57,7 +57,7 @@ def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, mon
     assert fine["substeps"] > coarse["substeps"]
     said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at)
     assert "at tau=12, L=2.7" in said.out
-    assert "against scipy Radau, rtol 1e-9: bench, T within" in " ".join(said.out.split())
+    assert "against scipy LSODA, rtol 1e-9: bench, T within" in " ".join(said.out.split())
 
 
 @pytest.mark.parametrize(

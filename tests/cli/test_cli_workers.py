@@ -110,7 +110,7 @@ def test_workers_says_who_does_what(folder, capsys, monkeypatch):
         (("--workers", "0"), "--workers 0 cannot be used"),
         (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "leave --workers out"),
         (("--scheduler", "tcp://127.0.0.1:1"), "No dask scheduler answers at 'tcp://127.0.0.1:1'"),
-        (("heater.toml",), "2 of the studies are named 'heater'"),
+        (("heater.toml",), "2 of the studies, 'heater' among them, would write the report heater.html"),
         (("other.toml", "--out", "both.html"), "--out both.html names one report, but there are 2 studies"),
     ],
 )

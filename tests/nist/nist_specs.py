@@ -34,11 +34,15 @@ MODELS = {
 TERMS = {"Gauss1": (("b4", "b3", "b5"), ("b7", "b6", "b8")), "Lanczos3": (("b2", "b1"), ("b4", "b3"), ("b6", "b5"))}
 
 
+# widths of a Gaussian enter squared
+EVEN = {"Gauss1": ("b5", "b8")}
+
+
 def ordered(name: str, values: dict[str, float]) -> dict[str, float]:
-    """Parameters with interchangeable terms in ascending order."""
+    """Parameters with interchangeable terms in ascending order, those without a sign positive."""
     groups = TERMS.get(name, ())
-    result = dict(values)
-    for group, term in zip(groups, sorted(tuple(values[n] for n in g) for g in groups), strict=True):
+    result = {n: abs(v) if n in EVEN.get(name, ()) else v for n, v in values.items()}
+    for group, term in zip(groups, sorted(tuple(result[n] for n in g) for g in groups), strict=True):
         result.update(zip(group, term, strict=True))
     return result
 
@@ -52,21 +56,24 @@ def certified(name: str) -> tuple[dict[str, tuple[float, float, float]], float, 
     return {n: (float(a), float(b), float(c)) for n, a, b, c in found}, float(rest[1]), np.loadtxt(text.splitlines()[60:])
 
 
+def wide_study(name: str, folder: Path, *, start: int | None) -> Study:
+    """Default settings, bounds at plus and minus ten times the larger start of each parameter."""
+    values, _, _ = certified(name)
+    box = {n: (-10 * max(abs(a), abs(b)), 10 * max(abs(a), abs(b))) for n, (a, b, _) in values.items()}
+    lines = [*_data_and_model(name, folder), "[search]", 'methods = ["auto"]']
+    for parameter, bounds in box.items():
+        lines += [f"[parameters.{parameter}]", f"bounds = {list(bounds)!r}"]
+        if start is not None:
+            lines.append(f"start = {values[parameter][start - 1]!r}")
+    return parse("\n".join(lines), folder / f"{name}.toml")
+
+
 def study(name: str, folder: Path, *, start: int | None) -> Study:
     """The study file of one data set: from start 1 or 2 with one local search, or from none with `auto`."""
-    formula, box = MODELS[name]
-    values, _, rows = certified(name)
-    np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="y,x", comments="", fmt="%.17g")
+    _, box = MODELS[name]
+    values, _, _ = certified(name)
     lines = [
-        f'name = "{name}"',
-        "[recording.data]",
-        f'file = "{name}.csv"',
-        "period = 1.0",
-        'signals = { x = "x", y = "y" }',
-        "[model]",
-        f'equations = "y = {formula}"',
-        'inputs = ["x"]',
-        'outputs = ["y"]',
+        *_data_and_model(name, folder),
         "[search]",
         'methods = ["auto"]'
         if start is None
@@ -82,3 +89,20 @@ def study(name: str, folder: Path, *, start: int | None) -> Study:
         if start is not None:
             lines.append(f"start = {given[start - 1]!r}")
     return parse("\n".join(map(str, lines)), folder / f"{name}.toml")
+
+
+def _data_and_model(name: str, folder: Path) -> list[str]:
+    """Writes the recording; the lines of the study file that name it and the equations."""
+    _, _, rows = certified(name)
+    np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="y,x", comments="", fmt="%.17g")
+    return [
+        f'name = "{name}"',
+        "[recording.data]",
+        f'file = "{name}.csv"',
+        "period = 1.0",
+        'signals = { x = "x", y = "y" }',
+        "[model]",
+        f'equations = "y = {MODELS[name][0]}"',
+        'inputs = ["x"]',
+        'outputs = ["y"]',
+    ]

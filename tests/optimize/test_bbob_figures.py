@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.bbob import ecdf, references
+from benchmarks.bbob import ecdf, references, table
 from benchmarks.bbob.results import Result, first_hits, from_runs, load, path_of, save
 from benchmarks.bbob.suite import TARGETS, Done, Problem, Run
 
@@ -115,6 +115,58 @@ def test_results_survive_the_file(tmp_path):
     np.testing.assert_array_equal(back.hits(), kept.hits())
     np.testing.assert_array_equal(back.spent, [20, 20])
     assert (back.method, back.seconds, back.about) == ("random", 1.5, {"package": "numpy 2"})
+
+
+def result(method: str, function: int, hits: np.ndarray, instances: tuple[int, ...], dimension: int = 5) -> Result:
+    """A result whose run i reaches target j at hits[i, j] evaluations."""
+    at = [np.sort(h[np.isfinite(h)]).astype(int) for h in hits]
+    above = [TARGETS[np.isfinite(h)] for h in hits]
+    return Result(method, function, dimension, 1000 * dimension, np.array(instances), np.full(len(hits), 5000), at, above, 0.0)
+
+
+def test_shares_count_what_was_reached_by_the_end():
+    assert ecdf.shares([[1, 40, INF, INF], [5, INF, INF, INF], [1, 1, 1, 1]]).tolist() == [0.5, 0.25, 1.0]
+
+
+def test_tables_of_the_page_by_hand():
+    """Ours is ahead in area by the slope f5 alone and reaches fewer targets on every other function."""
+    fast, slow = np.full((2, 51), INF), np.full((2, 51), INF)
+    of = {"cmaes": {}, "pycma": {}}
+    for f in range(1, 8):
+        a, b = fast.copy(), slow.copy()
+        a[:, :10], b[:, :20] = 500, 600
+        if f == 5:
+            a[:], b[:] = 5, 4000
+        of["cmaes"][f], of["pycma"][f] = result("cmaes", f, a, (1, 2)), result("pycma", f, b, (2, 3))
+    # only instance 2 is common
+    ours, theirs = table.common_runs(of, ("cmaes", "pycma"))
+    assert [list(r.instances) for r in (ours[1], theirs[1])] == [[2], [2]]
+    [end] = table.compared(of, [("cmaes", "pycma")], table.at_the_end)
+    assert (end.area, end.reference_area) == pytest.approx(((6 * 10 / 51 + 1) / 7, (6 * 20 / 51 + 1) / 7))
+    assert (end.better, end.worse) == (0, 6)
+    [area], [sloped] = (table.compared(of, [("cmaes", "pycma")], table.area, out) for out in ((), (5,)))
+    assert (area.better, area.worse) == (1, 6)
+    assert (sloped.better, sloped.worse) == (0, 6)
+    assert sloped.area == pytest.approx(10 / 51 * (3 - 2) / 3)
+    assert area.area > area.reference_area
+    assert sloped.area < sloped.reference_area
+    lines = table.page_table(of, [("cmaes", "pycma")], 5)
+    row = next(line for line in lines if line.startswith("| `cmaes`"))
+    assert row.startswith("| `cmaes` | pycma (7 functions) | 1 | ")
+    # behind by more than chance without f5 and at the end: six of six
+    assert any(line.startswith("| **`cmaes`** | pycma (7 functions) | 0.065 | ") for line in lines)
+
+
+def test_equal_first_populations():
+    from benchmarks.bbob.ours import portfolio
+
+    for d in (5, 20):
+        facts = Facts(d, 1000 * d)
+        for name, entry in portfolio().items():
+            if entry.method in ("lshade", "jso"):
+                rows = entry.made(d).rows(facts)
+                options = references.REFERENCES[entry.references[0]].start.keywords["options"](d)  # type: ignore[attr-defined]
+                assert options["population_size"] == rows, name
 
 
 @pytest.mark.parametrize("name", ["numpy-random", "scipy-lbfgsb", "scipy-nelder-mead", "scipy-de"])

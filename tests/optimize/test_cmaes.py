@@ -14,6 +14,7 @@ from plantfit.optimize.contract import Facts
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.ipop import IpopCmaEs
+from plantfit.optimize.nested import Nested
 from plantfit.optimize.restarts import Restarts
 from plantfit.optimize.separable_cmaes import SeparableCmaEs
 from plantfit.optimize.strategy import decoding_rates, full_rates, separable_rates, weights
@@ -154,6 +155,46 @@ def test_warm_start_stays_in_its_valley(name):
 
 def test_mirror_folds_into_the_cube():
     assert np.allclose(mirrored(jnp.array([-0.25, 0.3, 1.2, 2.1, -1.5, 0.0, 1.0])), [0.25, 0.3, 0.8, 0.1, 0.5, 0.0, 1.0])
+
+
+def test_every_second_search_folds_back_at_the_bounds():
+    """Far outside in one coordinate: the first search pays for the distance, its restart folds it back, the next one pays again."""
+    n = 3
+    for bounds, folds in (("auto", [False, True, False, True]), ("penalty", [False] * 4), ("mirror", [True] * 4)):
+        method = CmaEs(bounds=bounds, sigma=0.01)
+        state = method.init(jax.random.key(0), Facts(n, 1000, start=np.full((1, n), 0.5)))
+        state = state._replace(mean=jnp.array([1.3, 0.5, -0.2]), penalty=state.penalty._replace(gamma=jnp.full(n, 1e3)))
+        for restarts, folded in enumerate(folds):
+            x, asked = method.ask(jax.random.key(1), state._replace(restarts=jnp.asarray(restarts)))
+            raw = np.asarray(asked.raw)
+            assert np.all(raw[:, 0] > 1.2)
+            assert np.allclose(x, np.asarray(mirrored(jnp.asarray(raw))) if folded else np.clip(raw, 0, 1))
+            # costs that prefer what lies inside in the middle coordinate only
+            f = np.asarray((x[:, 1] - 0.4) ** 2)
+            told, _ = method.tell(asked, x, jnp.asarray(f))
+            paid = 0.0 if folded else np.mean(1e3 * (raw - np.clip(raw, 0, 1)) ** 2, axis=1)  # C is the identity
+            best = raw[np.argsort(f + paid)]
+            assert np.allclose(told.mean, weights(len(f), n).parents @ best, atol=1e-12)
+
+
+def test_numbered_searches_of_ipop_alternate():
+    """Runs of Restarts are searches of their own; each carries its number, so that the second folds back too."""
+    folds = []
+    objective = Objective(2, lambda x: jnp.sum((x - 0.3) ** 2, axis=1))
+    counter = Counter(objective, 10**5)
+    runs = Restarts(jax.random.key(0), objective, counter, None)
+    asked, plain = [], Nested.generation
+
+    def generation(self, counter):
+        asked.append((int(self.state.restarts), bool(self.method._folds(self.state))))
+        return plain(self, counter)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Nested, "generation", generation)
+        for _ in range(3):
+            runs.run(6, most=60)
+            folds.append(asked[-1])
+    assert folds == [(0, False), (1, True), (2, False)]
 
 
 def test_small_runs_lie_between_the_first_population_and_half_the_large_one():

@@ -208,14 +208,29 @@ def test_first_population(method, dimension, budget, rows):
     assert ready(method).rows(Facts(dimension, budget)) == rows
 
 
+@pytest.mark.parametrize("method", ["lshade", "jso", "dish"])
+@pytest.mark.parametrize(("rounding", "sizes"), [("nearest", [89, 61, 33, 5, 4]), ("down", [88, 61, 32, 4, 4])])
+def test_next_population_by_hand(method, rounding, sizes):
+    """N0 = 90, budget 5000: 90 - 86 t is 88.5, 61, 32.9, 4.7 and 4 (Tanabe and Fukunaga 2014, eq. 10, before rounding)."""
+    chosen = ready(method, population=90, rounding=rounding)
+    members = newcomers(90, 5, 5000)
+    spent = [85, 1686, 3321, 4960, 5000]
+    assert np.allclose(90 - 86 * np.array(spent) / 5000, [88.538, 61.0008, 32.8788, 4.688, 4.0])
+    assert [int(chosen.size(members._replace(evaluations=jnp.asarray(e)))) for e in spent] == sizes
+    # a population never grows again
+    assert int(chosen.size(members._replace(evaluations=jnp.asarray(85), live=jnp.asarray(50)))) == 50
+
+
+@pytest.mark.parametrize("rounding", ["down", "nearest"])
 @pytest.mark.parametrize("method", ["lshade", "dish"])
-def test_population_shrinks_linearly_and_the_budget_is_used(method):
-    chosen, budget = ready(method, population=30), 900
+def test_population_shrinks_linearly_and_the_budget_is_used(method, rounding):
+    chosen, budget = ready(method, population=30, rounding=rounding), 900
     counter = Counter(bowl(3), budget)
     nested = Nested(chosen, Facts(3, budget), jax.random.key(1))
     sizes, spent = [], 0
     while spent + int(chosen.live(nested.state)) <= budget:
-        wanted = max(4, min(30, round(30 - 26 * spent / budget)))
+        exact = 30 - 26 * (spent / budget)
+        wanted = max(4, min(30, int(exact) if rounding == "down" else round(exact)))
         x, f = nested.generation(counter)
         assert len(x) == len(f) == wanted
         sizes.append(len(x))

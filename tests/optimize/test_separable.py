@@ -48,15 +48,16 @@ TARGETS = [(0.2, 0.7), (0.9, 0.1), (0.5, 0.5), (0.05, 0.95)]
 def test_all_blocks_reach_their_optimum_among_local_minima(seed):
     counter = Counter(objective(TARGETS, wave=0.3), 4000)
     start = np.random.default_rng(seed).random(8)
-    x, cost = separable_least_squares(counter, start, agree=4, max_steps=2000)
-    np.testing.assert_allclose(x, np.ravel(TARGETS), atol=1e-5)
-    assert cost < 1e-9
-    assert counter.best_cost == pytest.approx(cost, abs=1e-12)
+    assert separable_least_squares(counter, start, agree=4, max_steps=2000) == "converged"
+    np.testing.assert_allclose(counter.best_x, np.ravel(TARGETS), atol=1e-5)
+    assert counter.best_cost < 1e-9
+    assert counter.extra["basin_hits"] >= 3
 
 
 def test_an_optimum_outside_of_the_box_ends_on_its_bounds():
     counter = Counter(objective([(1.4, 0.5), (-0.3, 0.5)]), 500)
-    x, cost = separable_least_squares(counter, np.full(4, 0.4), agree=1, max_steps=200)
+    assert separable_least_squares(counter, np.full(4, 0.4), agree=1, max_steps=200) == "converged"
+    x, cost = counter.best_x, counter.best_cost
     # at a = 1: min over b of (b - 0.5 + 0.16)^2 is at 0.34; at a = 0: 0.5 - 0.09 = 0.41
     np.testing.assert_allclose(x, [1.0, 0.34, 0.0, 0.41], atol=1e-6)
     assert cost == pytest.approx(9 * (0.4**2 + 0.3**2), rel=1e-6)
@@ -64,10 +65,13 @@ def test_an_optimum_outside_of_the_box_ends_on_its_bounds():
 
 def test_the_budget_holds_and_the_best_of_all_blocks_together_is_kept():
     counter = Counter(objective(TARGETS, wave=0.3), 25)
-    x, cost = separable_least_squares(counter, np.full(8, 0.3), agree=4, max_steps=2000)
+    assert separable_least_squares(counter, np.full(8, 0.3), agree=4, max_steps=2000) == "budget"
     assert counter.spent <= 25
-    assert counter.best_cost <= cost + 1e-12
-    assert np.all((x >= 0) & (x <= 1))
+    blocks = counter.objective.blocks
+    assert blocks is not None
+    together = sum(r @ r for r, _ in blocks(counter.best_x))
+    assert counter.best_cost == pytest.approx(together, rel=1e-12)
+    assert np.all((counter.best_x >= 0) & (counter.best_x <= 1))
 
 
 def test_a_block_that_fails_at_its_start_begins_elsewhere():
@@ -79,9 +83,10 @@ def test_a_block_that_fails_at_its_start_begins_elsewhere():
         return [(np.full(3, np.nan), j) if x[0] > 0.8 and k == 0 else (r, j) for k, (r, j) in enumerate(found)]
 
     broken = Objective(**{**whole.__dict__, "blocks": sometimes})
-    x, cost = separable_least_squares(Counter(broken, 2000), np.array([0.95, 0.5, 0.5, 0.5]), agree=2, max_steps=500)
-    np.testing.assert_allclose(x, np.ravel(TARGETS[:2]), atol=1e-5)
-    assert cost < 1e-9
+    counter = Counter(broken, 2000)
+    separable_least_squares(counter, np.array([0.95, 0.5, 0.5, 0.5]), agree=2, max_steps=500)
+    np.testing.assert_allclose(counter.best_x, np.ravel(TARGETS[:2]), atol=1e-5)
+    assert counter.best_cost < 1e-9
 
 
 def test_the_same_seed_gives_the_same_bits():
@@ -107,5 +112,6 @@ def test_a_search_that_crawls_gives_way_but_its_answer_counts():
     block.next(rng, agree=2)
     assert block.patience == LONG
     assert [c for c, _ in block.found] == [4.0, 1.0]
+    assert block.ended == [1.0]  # one that gave way is no evidence
     last = Block(np.arange(2), np.array([0.3, 0.4]), np.array([2.0, 0.0]), np.eye(2), tolerance=FINE, length=10 * LONG)
     assert not last.crawls  # the best answer is led to its last digits

@@ -17,7 +17,7 @@ from plantfit.problem.batched import Batched
 from plantfit.problem.steps import choose_substeps
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.verify import tight_states
+from plantfit.simulate.tight import follow
 
 import jax
 
@@ -111,10 +111,10 @@ def tight_slopes(kind: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", GAINS)
-def test_the_tight_cost_is_that_of_radau(kind):
+def test_the_tight_cost_is_that_of_the_tight_solver(kind):
     delay, problem = 0.53, problem_of(kind)
     p = {"Td": delay, "k": GAINS[kind]}
-    states = tight_states(problem.predictor.stepping(), p, problem.data["drive"]["recording"], rtol=1e-10, atol=1e-12)
+    states = follow(problem.predictor.stepping(), p, problem.data["drive"]["recording"], rtol=1e-10, atol=1e-12).states
     assert tight(kind, cubes(kind, [delay, 0.2]))[0] == pytest.approx(np.mean((states[1] - TARGET) ** 2), rel=1e-7)
 
 

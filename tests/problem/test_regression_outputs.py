@@ -78,9 +78,9 @@ def test_gradient_and_compressed_rows_are_those_of_all_samples(problem):
 
 def test_a_search_sees_few_rows_whatever_the_number_of_samples(problem):
     objective = objective_of(problem)
-    assert objective.batch_residuals_and_jacobian is not None
+    assert objective.batch_rows is not None
     z = np.random.default_rng(3).uniform(size=(3, 6))
-    r, _ = objective.batch_residuals_and_jacobian(z)
+    r, _ = objective.batch_rows(z)
     assert r.shape == (3, 2 * 2 * 5)
     np.testing.assert_allclose(np.mean(np.asarray(r) ** 2, axis=1), problem.costs(z), rtol=1e-11)
 

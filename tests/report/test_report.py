@@ -4,7 +4,6 @@ import json
 import os
 import re
 from html.parser import HTMLParser
-from types import SimpleNamespace
 
 import pytest
 from chromium import drawn
@@ -177,15 +176,16 @@ def test_missing_folder_and_folder_as_file(tmp_path):
 
 def test_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
     path = tmp_path / "a.html"
-    path.write_text("old")
+    old = html._MARK + "old"
+    path.write_text(old)
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(html, "os", SimpleNamespace(fdopen=os.fdopen, chmod=os.chmod, umask=os.umask, replace=full))
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(StoreError, match="No space left on device"):
-        write_report({"name": "a"}, path)
-    assert path.read_text() == "old"
+        write_report(example(samples=50), path)
+    assert path.read_text() == old
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import select
 import shutil
 import subprocess
 import time
@@ -31,7 +32,19 @@ class Host:
         self.lines, self.waiting = Lines(), []
 
     def say(self, *fields):
-        os.write(self.fd, encode(*fields))
+        self.write(encode(*fields))
+
+    def write(self, data, seconds=10.0):
+        """All of it, taking in what the board says meanwhile: on a busy machine a pseudo terminal is full for a while."""
+        until = time.monotonic() + seconds
+        while data:
+            assert time.monotonic() < until, f"{len(data)} bytes could not be written within {seconds} s"
+            readable, writable, _ = select.select([self.fd], [self.fd], [], 0.1)
+            with contextlib.suppress(BlockingIOError):
+                if readable:
+                    self.waiting += self.lines.feed(os.read(self.fd, 4096))
+                if writable:
+                    data = data[os.write(self.fd, data) :]
 
     def hear(self, kinds, seconds=3.0):
         """The next line whose first field is one of `kinds`."""
@@ -125,12 +138,12 @@ def test_noise_never_moves_the_motor(program, tmp_path):
     with running(program, "--truth", tmp_path / "truth") as port:
         host = Host(port)
         for _ in range(40):
-            os.write(host.fd, rng.integers(0, 256, 2000, dtype=np.uint8).tobytes())
+            host.write(rng.integers(0, 256, 2000, dtype=np.uint8).tobytes())
             line = bytearray(encode("S", 1, 1, 1, 1, 0) + encode("U", 1, 0, 255))
             line[int(rng.integers(0, len(line)))] ^= 1 << int(rng.integers(0, 8))  # one of the two is always garbled
-            os.write(host.fd, b"\n" + bytes(line))
+            host.write(b"\n" + bytes(line))
             time.sleep(0.002)
-            os.write(host.fd, b"\n" + encode("X", 1))
+            host.write(b"\n" + encode("X", 1))
         host.say("H", 1)
         assert host.hear("H")[1] == "1"  # alive
         host.say("S", 2, 1, 1, 1, 0)

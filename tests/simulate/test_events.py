@@ -75,6 +75,19 @@ def test_derivatives_of_the_ball_carry_the_times_of_impact():
         np.testing.assert_allclose(got[..., k], np.array(truth).T, atol=1e-7)
 
 
+@pytest.mark.parametrize(("rate", "level"), [(1.0, lambda x, a: x - a), (2.0, lambda x, a: jnp.sin(x / 9.0) - a / 9.0)])
+def test_a_crossing_that_changes_nothing_about_its_surface_happens_once(rate, level):
+    """Rounding must not leave the state before the surface, to pass it again: 3 of 100 moments were counted twice."""
+    v = plant("x c", "u", "a", lambda x, u, p: {"x": rate + 0.0 * x["x"], "c": 0.0 * x["x"]})
+    event = Event("up", lambda x, u, p: level(x["x"], p["a"]), lambda x, u, p: {"c": x["c"] + 1.0}, "rising")
+    step, grid = with_events(rk4, [bind_event(event, v)]), 0.13 * np.arange(28)
+
+    def count(a):
+        return march(step, v, (0.0, 0.0), jnp.zeros((2, len(grid))), grid, (a,))[1, -1]
+
+    np.testing.assert_array_equal(jax.jit(jax.vmap(count))(jnp.linspace(0.2, 2.9, 300)), 1.0)
+
+
 def test_impact_exactly_on_a_sample():
     """g = 2, height 1: the ball lands at t = 1 exactly and is then known from both sides."""
     y, _ = jax.jit(lambda q: ball(q, 0.25 * np.arange(9)))(jnp.array([2.0, 0.5, 1.0]))

@@ -6,7 +6,7 @@ from simulate_plants import P, exact, record, stiff
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate import Simulator
-from plantfit.simulate.verify import tight_states
+from plantfit.simulate.tight import follow
 
 import jax
 import jax.numpy as jnp
@@ -119,5 +119,5 @@ def test_forward_and_reverse_derivatives_agree(stepper):
 def test_tight_states_equal_an_independent_solver(hold):
     t, u = record(irregular=True)
     simulator = simulator_of(hold)
-    ours = tight_states(simulator, floats(P), simulator.drive(t, {"u": u}))
+    ours = follow(simulator, floats(P), simulator.drive(t, {"u": u})).states
     np.testing.assert_allclose(ours, exact(P, t, u, hold), atol=1e-7)

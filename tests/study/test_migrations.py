@@ -114,11 +114,15 @@ def old_postgres(place):
 
 
 @pytest.mark.parametrize("backend", ["sqlite", "postgresql"])
-def test_a_database_of_version_1_is_read_and_its_study_goes_on(backend, tmp_path, request):
+def test_a_database_of_version_1_is_read_and_its_study_goes_on(backend, tmp_path, request, monkeypatch):
     place = old_sqlite(tmp_path) if backend == "sqlite" else old_postgres(request.getfixturevalue("postgres_url"))
     store, search = Store.open(place), FakeSearch()
     before = store.runs(1)
     assert [r.history_cost.tobytes() for r in before] == [fake_result(PLAN, "random", k).history_cost.tobytes() for k in range(2)]
+    with pytest.raises(StoreError, match="with edition 1 of the searches"):
+        resume(store, 1, objective(), to_physical=to_physical, search=search)
+    assert search.done == []
+    monkeypatch.setattr("plantfit.study.runner.SEARCHES", 1)  # by the searches that it was begun with
     resume(store, 1, objective(), to_physical=to_physical, search=search)
     assert search.done == [("pso", k) for k in range(3)]  # run 2 of random was in the checkpoint
     once = Store.open(tmp_path / "once.db")

@@ -3,13 +3,17 @@ import time
 
 import numpy as np
 import pytest
+from sqlalchemy import update
 from study_fakes import FakeSearch, fake_result, objective, to_physical
 
 from plantfit.errors import SearchError, StoreError
 from plantfit.optimize.contract import Objective
 from plantfit.optimize.progress import Progress
-from plantfit.study import Plan, Store, resume, run
+from plantfit.study import Plan, Store, resume, run, tables
+from plantfit.study.codec import to_json
 from plantfit.study.progress import Meter
+from plantfit.study.runner import begin
+from plantfit.study.versions import SEARCHES
 from plantfit.study.worker_names import STALE_SECONDS
 
 PLAN = Plan(name="gearmotor", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
@@ -198,3 +202,18 @@ def test_real_methods_give_the_same_bits_in_any_chunks(store):
     found = [store.runs(run(plan, objective(), store, to_physical=to_physical)) for plan in plans]
     assert bits(found[0]) == bits(found[1]) == bits(found[2])
     assert [r.cost for r in found[0] if r.method == "lbfgsb"] == pytest.approx([0.0] * 3, abs=1e-20)
+
+
+@pytest.mark.parametrize("before", [None, "1", "9"], ids=["first edition", "named first edition", "later edition"])
+def test_a_study_is_finished_only_by_the_searches_that_it_was_begun_with(store, before):
+    """Its other runs took other steps: they could not be compared, and nobody would see why."""
+    study_id = begin(PLAN, objective(), store)
+    versions = dict(store.study(study_id).versions)
+    assert versions.pop("searches") == str(SEARCHES)
+    if before is not None:
+        versions["searches"] = before
+    with store.engine.begin() as connection:
+        connection.execute(update(tables.study).where(tables.study.c.id == study_id).values(versions=to_json(versions)))
+    with pytest.raises(StoreError, match=rf"begun by plantfit 0\.\S+ with edition {before or 1} of the searches.*has edition {SEARCHES}"):
+        resume(store, study_id, objective(), search=FakeSearch())
+    assert store.study(study_id).runs_done == 0

@@ -26,7 +26,7 @@ def test_a_later_process_with_the_same_id_is_another_one():
 
 
 def test_versions_and_cpu(tmp_path):
-    assert {"python", "system", *PACKAGES} == set(versions())
+    assert {"python", "searches", "engine", "system", *PACKAGES} == set(versions())
     (tmp_path / "cpuinfo").write_text("processor : 0\nmodel name : A Fast One\n")
     assert cpu_model(tmp_path / "cpuinfo") == "A Fast One"
     assert cpu_model(tmp_path / "missing")

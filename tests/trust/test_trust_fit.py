@@ -60,7 +60,7 @@ def test_findings_are_plain_json_and_complete():
     parsed = json.loads(json.dumps(findings))
     assert set(parsed) == {
         "name", "verdict", "recordings", "scores", "residual_tests", "parameters", "tables", "combinations", "runs", "basins", "simulation",
-        "reproduction", "smoothing", "uncertainty",
+        "reproduction", "smoothing", "uncertainty", "agreement", "weights",
     }  # fmt: skip
     assert not parsed["combinations"]
     assert all(v["sentence"].rstrip().endswith(".") and v["level"] in {"good", "warning", "bad", "info"} for v in parsed["verdict"])

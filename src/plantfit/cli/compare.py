@@ -1,11 +1,13 @@
 """`plantfit compare`."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from plantfit.cli.out import MARKS, out, print_json
 from plantfit.errors import SearchError, StoreError
+from plantfit.study.addresses import shown
 
 
 def compare(
@@ -14,12 +16,14 @@ def compare(
 ) -> None:  # fmt: skip
     """Compare the methods of one study or several, which may be of one problem or several."""
     from plantfit.report import write_comparison
+    from plantfit.report.html import check_place
     from plantfit.report.paper_tables import csv_table, latex_table
     from plantfit.study import Store
     from plantfit.study.comparing.gathering import gather
     from plantfit.study.comparing.record import compared
 
     _check_numbers({"--target": asked, "--floor": [floor], "--optimum": [optimum]})
+    check_place(Path(place))
     opened = Store.open(store, create=False)
     chosen = _chosen(opened, numbers, store)
     problems = gather(opened, chosen, floor=floor, optimum=optimum)
@@ -49,7 +53,7 @@ def _chosen(opened: Any, numbers: Sequence[int], store: str) -> list[int]:
         return list(dict.fromkeys(numbers))
     records = opened.studies()
     if not records:
-        raise StoreError(f"{store} holds no study; start one with `plantfit run STUDY.toml`.")
+        raise StoreError(f"{shown(store)} holds no study; start one with `plantfit run STUDY.toml`.")
     return [records[-1].id]
 
 
@@ -57,7 +61,7 @@ def _reproduction(opened: Any, chosen: Sequence[int], store: str, seed: int) -> 
     records = [opened.study(n) for n in chosen]
     versions = dict.fromkeys(", ".join(f"{k} {v}" for k, v in r.versions.items()) for r in records)
     return {
-        "command": f"plantfit compare {' '.join(map(str, chosen))} --store {store} --seed {seed}",
+        "command": f"plantfit compare {' '.join(map(str, chosen))} --store {shlex.quote(shown(store))} --seed {seed}",
         "studies": "; ".join(f"{r.id} {r.name}, {r.runs_done} of {r.runs_total} runs, {r.created[:19]}" for r in records),
         "seeds": "; ".join(f"{r.id}: {r.plan['seed']}" for r in records),
         "processor": "; ".join(dict.fromkeys(r.cpu for r in records)),

@@ -5,6 +5,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from plantfit.cli.file_names import file_name
+from plantfit.cli.interrupts import saying
 from plantfit.cli.out import out, print_json, progress_line, verdict
 from plantfit.errors import Interrupted, SpecError
 
@@ -31,15 +33,16 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n")
     began, place = time.perf_counter(), Path(folder) / name
+    stopped = f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew."
     try:
         run = load()
         if full and "full" not in inspect.signature(run).parameters:
             raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
-        with progress_line(json) as tell:
+        with progress_line(json) as tell, saying(stopped):
             record = run(place, progress=tell, **({"full": True} if full else {}))
     except KeyboardInterrupt:
-        raise Interrupted(f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew.") from None
-    names = [f"{_file(a.problem.name)}.html" for a in record["answers"]]
+        raise Interrupted(stopped) from None
+    names = [file_name(a.problem.name.replace(" ", "_"), "html") for a in record["answers"]]
     pages = [a.report(place / file) for a, file in zip(record["answers"], names, strict=True)]
     if record["sections"]:
         from plantfit.report.case_page import write_case_page
@@ -74,7 +77,3 @@ def _figures(figures: list[dict[str, Any]]) -> None:
         reference = f"{f['reference']:.4g}{unit}" if f["reference"] is not None else ""
         table.add_row(f["name"], f"{f['value']:.4g}{unit}", reference, f["source"] or "")
     out.print(table)
-
-
-def _file(name: str) -> str:
-    return name.replace(" ", "_")

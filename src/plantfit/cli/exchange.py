@@ -1,13 +1,14 @@
 """`plantfit export`, `import` and `merge`."""
 
-import os
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.file_names import file_name
 from plantfit.cli.out import out, print_json, warn
 from plantfit.errors import StoreError
+from plantfit.study.addresses import shown
 
 if TYPE_CHECKING:
     from plantfit.study.merging import Merged
@@ -22,7 +23,7 @@ def export(number: int | None, json: bool, parquet: bool, place: str | None, sto
     opened = Store.open(store, create=False)
     records = [opened.study(number)] if number is not None else opened.studies()[-1:]
     if not records:
-        raise StoreError(f"{store} holds no study yet; start one with `plantfit run STUDY.toml`.")
+        raise StoreError(f"{shown(store)} holds no study yet; start one with `plantfit run STUDY.toml`.")
     study = records[0]
     kinds = [kind for kind, asked in (("json", json), ("parquet", parquet)) if asked]
     if place is not None and len(kinds) == 2:
@@ -30,7 +31,9 @@ def export(number: int | None, json: bool, parquet: bool, place: str | None, sto
     if not kinds:
         kinds = ["parquet" if place is not None and place.endswith(".parquet") else "json"]
     for kind in kinds:
-        file = Path(place or f"{study.name}.{kind}".replace(os.sep, "-"))
+        file = Path(place or file_name(study.name, kind))
+        if place is None and file.exists() and not _is_export(file):
+            raise StoreError(f"{file} is there already and no exported study; name another file with --out.")
         (opened.export_json if kind == "json" else opened.export_parquet)(study.id, file)
         out.print(f"Study {study.id} ({study.name}), {study.runs_done} of {study.runs_total} runs: {file}", markup=False)
 
@@ -66,10 +69,10 @@ def merge(sources: list[str], store: str, json: bool) -> None:
     opened, told = Store.open(store), []
     for source in sources:
         for whole in _studies(source, opened):
-            found = opened.merge(whole, _shown(source))
-            told.append({"source": _shown(source), "there": whole.study.id or None, **_record(found)})
+            found = opened.merge(whole, shown(source))
+            told.append({"source": shown(source), "there": whole.study.id or None, **_record(found)})
             if not json:
-                _tell(whole, _shown(source), found)
+                _tell(whole, shown(source), found)
     if json:
         print_json(told)
     elif not told:
@@ -86,24 +89,21 @@ def _studies(source: str, target: "Store") -> Iterator["WholeStudy"]:
         return
     other = Store.open(source, create=False)
     if other.address == target.address:
-        raise StoreError(f"{_shown(source)} is the store to merge into; name another one, or choose the target with --store.")
+        raise StoreError(f"{shown(source)} is the store to merge into; name another one, or choose the target with --store.")
     for study in other.studies():
         yield other.whole(study.id)
+
+
+def _is_export(path: Path) -> bool:
+    with path.open("rb") as file:
+        start = file.read(200)
+    return start.startswith(b"PAR1") or b'"plantfit study ' in start
 
 
 def _is_sqlite(path: Path) -> bool:
     with path.open("rb") as file:
         start = file.read(16)
     return not start or start.startswith(b"SQLite format 3")
-
-
-def _shown(source: str) -> str:
-    """A source without its password."""
-    if "://" not in source:
-        return source
-    from sqlalchemy import make_url
-
-    return make_url(source).render_as_string(hide_password=True)
 
 
 def _tell(whole: "WholeStudy", source: str, found: "Merged") -> None:
@@ -129,4 +129,4 @@ def _record(found: "Merged") -> dict[str, Any]:
 
 
 def _store_option(store: str) -> str:
-    return "" if store == "plantfit.db" else f" --store {shlex.quote(store)}"
+    return "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"

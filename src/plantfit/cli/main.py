@@ -1,17 +1,24 @@
 """The command line: every command is a thin layer over the same Python calls.
 
 Exit codes: 0 done; 2 wrong arguments; 3 recording; 4 unit; 5 model or equation; 6 parameters;
-7 study file; 8 search; 9 simulation; 10 store; 11 missing extra; 12 file system; 13 board; 130 stopped by Ctrl-C.
+7 study file; 8 search; 9 simulation; 10 store; 11 missing extra; 12 file system or memory; 13 board;
+70 an error inside plantfit, with a log; 130 stopped by Ctrl-C.
 """
 
+import io
+import os
 import sys
+import warnings
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from plantfit.cli import bench, sensitivity
-from plantfit.errors import Interrupted, PlantfitError
+from plantfit.cli.failures import INSIDE, inside, shortened
+from plantfit.cli.interrupts import SENTENCE, ending, watched
+from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
 
 
 class _Commands(TyperGroup):
@@ -21,7 +28,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise Interrupted("Stopped by Ctrl-C. `plantfit resume` goes on with a study; begin anything else anew.") from None
+            raise Interrupted(SENTENCE) from None
 
 
 app = typer.Typer(
@@ -90,12 +97,15 @@ def check(
     tolerance: Annotated[
         float | None, typer.Option(help="With --verify: halve the steps until the largest error is below this (unit of the output).")
     ] = None,
+    holds: Annotated[
+        bool, typer.Option("--holds", help="Also fit shortly with every input held and interpolated between samples; say which fits.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
     from plantfit.cli import check as command
 
-    command.check(spec, verify, json, at or [], tolerance)
+    command.check(spec, verify, json, at or [], tolerance, holds)
 
 
 @app.command()
@@ -281,19 +291,49 @@ def models(name: Annotated[str | None, typer.Argument(help="Show one model in fu
 
 
 def run_cli() -> None:
-    """Entry point: errors meant for the user become one line and an exit code."""
+    """Entry point: every error becomes one sentence and an exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name that the terminal cannot show must not end the command
+            stream.reconfigure(errors="backslashreplace")
+    with watched(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # those of numpy and jax are for programmers
+        warnings.simplefilter("always", PlantfitWarning)
+        warnings.showwarning = _told
+        code = _ended(lambda: app(standalone_mode=True))
+        ending()
+    if code:
+        sys.exit(code)
+
+
+def _ended(command: Callable[[], Any]) -> int:
+    """The exit code of a command, after the sentence about its error if there was one."""
     try:
-        app(standalone_mode=True)
+        command()
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
     except PlantfitError as error:
-        print(f"plantfit: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        ending()
+        return _failed(str(error), error.exit_code)
+    except BrokenPipeError:  # as in `plantfit list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:
         place = f" {error.filename!r}" if error.filename else ""
-        print(
-            f"plantfit: the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.",
-            file=sys.stderr,
-        )
-        sys.exit(12)
+        return _failed(f"the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.", 12)
     except KeyboardInterrupt:
-        print("plantfit: stopped before anything was begun.", file=sys.stderr)
-        sys.exit(130)
+        ending()
+        return _failed("stopped before anything was begun.", 130)
+    except MemoryError:
+        return _failed("the memory of this machine is not enough for this; use fewer samples, runs or workers, and run again.", 12)
+    except Exception as error:
+        return _failed(inside(error), INSIDE)
+    return 0
+
+
+def _failed(sentence: str, code: int) -> int:
+    print(f"plantfit: {shortened(sentence)}", file=sys.stderr)
+    return code
+
+
+def _told(message: Any, category: Any, *place: Any, **more: Any) -> None:
+    print(f"plantfit: {shortened(str(message))}", file=sys.stderr)

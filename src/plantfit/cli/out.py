@@ -1,7 +1,6 @@
 """How commands speak: results on standard output, everything else on standard error."""
 
 import json
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -47,25 +46,6 @@ def verdict(findings: dict[str, Any]) -> None:
 def warn(sentence: str) -> None:
     """A line on standard error."""
     err.print(sentence, markup=False)
-
-
-@contextmanager
-def stoppable(sentence: str = "Stopping: saving what is done. Ctrl-C again stops at once.") -> Iterator[Any]:
-    """Inside, the first Ctrl-C says `sentence` and sets a flag that the yielded function tells; a second one stops at once."""
-    hits: list[int] = []
-
-    def on_signal(number, frame):
-        hits.append(number)
-        if len(hits) > 1:
-            raise KeyboardInterrupt
-        warn(sentence)
-
-    old = [signal.signal(s, on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
-    try:
-        yield lambda: bool(hits)
-    finally:
-        for s, handler in zip((signal.SIGINT, signal.SIGTERM), old, strict=True):
-            signal.signal(s, handler)
 
 
 def _describe(p: Any) -> tuple[str, str]:

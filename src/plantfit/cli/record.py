@@ -2,8 +2,9 @@
 
 import dataclasses
 
+from plantfit.cli.interrupts import stoppable
 from plantfit.cli.live_plot import live_plot
-from plantfit.cli.out import out, print_json, stoppable, warn
+from plantfit.cli.out import out, print_json, warn
 from plantfit.cli.quantities import quantity
 from plantfit.errors import Interrupted
 
@@ -17,8 +18,10 @@ def record(
 
     played = None if excitation is None else read_csv(excitation)
     stopped = False
+    sentence = "Stopping the motor, then the recording. Ctrl-C again ends at once."
+    at_once = "Ended at once; make sure that the motor stands."
     try:
-        with stoppable("Stopping the motor, then the recording. Ctrl-C again ends at once.") as stopping, live_plot(json) as plot:
+        with stoppable(sentence, lambda: at_once, cleans_up=True) as stopping, live_plot(json) as plot:
             told = board.record(
                 port,
                 place,

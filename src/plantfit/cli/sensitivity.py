@@ -5,7 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from plantfit.cli.out import out, print_json, progress_line, stoppable
+from plantfit.cli.interrupts import stoppable
+from plantfit.cli.out import out, print_json, progress_line
 from plantfit.cli.values import values_at
 from plantfit.errors import SearchError, SpaceError
 

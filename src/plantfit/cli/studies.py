@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.cli.file_names import file_name, report_places
 from plantfit.cli.out import out, print_json, verdict, warn
 from plantfit.cli.working import ready, search, worker_count
-from plantfit.errors import Interrupted, SearchError, StoreError
+from plantfit.errors import Interrupted, StoreError
+from plantfit.study.addresses import shown
 
 
 def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
@@ -20,8 +22,8 @@ def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
     read = [specs.load(path) for path in paths]
-    _refuse_one_name(read, place)
-    _work([ready(study, None) for study in read], Store.open(store), store, place, json, workers, scheduler)
+    places = report_places([study.name for study in read], place)
+    _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler)
 
 
 def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
@@ -32,8 +34,8 @@ def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, wo
     opened = Store.open(store, create=False)
     records = [opened.study(n) for n in dict.fromkeys(numbers)] or [_record(opened, None, store, unfinished=True)]
     read = [_study(record) for record in records]
-    _refuse_one_name(read, place)
-    _work([ready(study, record.id) for study, record in zip(read, records, strict=True)], opened, store, place, json, workers, scheduler)
+    places = report_places([study.name for study in read], place)
+    _work([ready(study, record.id) for study, record in zip(read, records, strict=True)], opened, store, places, json, workers, scheduler)
 
 
 def listed(store: str, json: bool) -> None:
@@ -57,7 +59,7 @@ def listed(store: str, json: bool) -> None:
             ]
         )
     if not records:
-        return out.print(f"{store} holds no study yet; start one with `plantfit run STUDY.toml`.", markup=False)
+        return out.print(f"{shown(store)} holds no study yet; start one with `plantfit run STUDY.toml`.", markup=False)
     from rich.table import Table
 
     table = Table("id", "name", "created", "state", "methods", "runs", box=None)
@@ -73,24 +75,13 @@ def report(number: int | None, store: str, place: str | None, json: bool) -> Non
     opened = Store.open(store, create=False)
     record = _record(opened, number, store)
     study = _study(record)
-    said = _deliver(_answer(study, opened, record.id, store, {}), place, study.name, json)
+    (to,) = report_places([study.name], place)
+    said = _deliver(_answer(study, opened, record.id, store, {}), to, study.name, json)
     if json:
         print_json(said)
 
 
-def _refuse_one_name(studies: Sequence[Any], place: str | None) -> None:
-    """Reports must not overwrite one another."""
-    if place is not None and len(studies) > 1:
-        raise SearchError(f"--out {place} names one report, but there are {len(studies)} studies; leave it out, each gets NAME.html.")
-    names = [study.name for study in studies]
-    for name in names:
-        if names.count(name) > 1:
-            raise SearchError(
-                f"{names.count(name)} of the studies are named {name!r}, and so would be their reports; rename or run one alone."
-            )
-
-
-def _work(chosen, opened, store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None) -> None:
     started = time.perf_counter()
     numbers, stopped = search(opened, chosen, workers, scheduler, json)
     searched = time.perf_counter() - started
@@ -98,7 +89,7 @@ def _work(chosen, opened, store: str, place: str | None, json: bool, workers: st
     if stopped and any(r.state != "done" for r in records):
         raise Interrupted(_saved([r for r in records if r.state != "done"], store))
     said = []
-    for one, number in zip(chosen, numbers, strict=True):
+    for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.seconds, "search": searched}
         said.append(_deliver(_answer(one.study, opened, number, store, seconds), place, one.study.name, json, len(chosen) > 1))
     if json:
@@ -106,7 +97,7 @@ def _work(chosen, opened, store: str, place: str | None, json: bool, workers: st
 
 
 def _saved(records, store: str) -> str:
-    where = "" if store == "plantfit.db" else f" --store {shlex.quote(store)}"
+    where = "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"
     each = [f"study {r.id} ({r.name}) is saved with {r.runs_done} of {r.runs_total} runs done" for r in records]
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
@@ -134,19 +125,19 @@ def _answer(study, opened, number: int, store: str, seconds):
         for r in opened.runs(number)
     ]
     if not results:
-        raise StoreError(f"Study {number} in {store} has no finished run yet; go on with `plantfit resume {number}`.")
-    problem, results = finish(problem, results, study.plan.seed)
+        raise StoreError(f"Study {number} in {shown(store)} has no finished run yet; go on with `plantfit resume {number}`.")
+    problem, results = finish(problem, results)
     command = f"plantfit run {study.path.name}"
     return Answer(problem, results, study.plan.seed, study.text, command, seconds, study.errors, study.draws)
 
 
-def _deliver(answer, place: str | None, name: str, json: bool, several: bool = False) -> dict[str, Any]:
+def _deliver(answer, place: Path, name: str, json: bool, several: bool = False) -> dict[str, Any]:
     """Write the report and say the verdict; gives back what `--json` prints."""
     from plantfit.report import uncertainty_text
 
     if answer.errors and answer.draws:
         warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
-    path = answer.report(place or f"{name}.html")
+    path = answer.report(place)
     if not json:
         if several:
             out.print(f"\n{name}", markup=False, style="bold")
@@ -169,8 +160,16 @@ def _record(opened, number: int | None, store: str, unfinished: bool = False):
     chosen = [r for r in records if r.state != "done"] if unfinished else records
     if not chosen:
         what = "no unfinished study" if unfinished else "no study"
-        raise StoreError(f"{store} holds {what}; see `plantfit list` or start one with `plantfit run STUDY.toml`.")
+        raise StoreError(f"{shown(store)} holds {what}; see `plantfit list` or start one with `plantfit run STUDY.toml`.")
     return chosen[-1]
+
+
+def _differs(path: Path, text: str) -> bool:
+    """Whether the file is there and says something else, as a file that is no text does."""
+    try:
+        return path.is_file() and path.read_text(encoding="utf-8-sig", errors="replace") != text.removeprefix("\ufeff")
+    except (OSError, ValueError):
+        return False
 
 
 def _study(record):
@@ -178,7 +177,7 @@ def _study(record):
 
     if not record.spec_text:
         raise StoreError(f"Study {record.id} was made from Python without a study file; use its script to go on.")
-    path = Path(record.spec_path or f"{record.name}.toml")
-    if path.is_file() and path.read_text(encoding="utf-8") != record.spec_text:
+    path = Path(record.spec_path or file_name(record.name, "toml"))
+    if _differs(path, record.spec_text):
         warn(f"{path.name} has changed since study {record.id} was started; the stored wording is used.")
     return specs.parse(record.spec_text, path)

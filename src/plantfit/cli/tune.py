@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from plantfit.cli.out import out, print_json, progress_line, stoppable
+from plantfit.cli.interrupts import stoppable
+from plantfit.cli.out import out, print_json, progress_line
 from plantfit.errors import Interrupted, SearchError
 
 

@@ -22,12 +22,13 @@ def values_at(names: Sequence[str], texts: Sequence[str], study: str, number: in
 
 def _stored(name: str, number: int | None, store: str) -> dict[str, float]:
     from plantfit.study import Store
+    from plantfit.study.addresses import shown
 
     opened = Store.open(store, create=False)
     own = [r for r in opened.studies() if (r.id == number if number is not None else r.name == name)]
     if not own:
         raise StoreError(
-            f"{store} holds no study {number if number is not None else repr(name)}; "
+            f"{shown(store)} holds no study {number if number is not None else repr(name)}; "
             "run it first, or give every parameter with --set NAME=VALUE."
         )
     runs = [r for r in opened.runs(own[-1].id) if np.isfinite(r.cost)]

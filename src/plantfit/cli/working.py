@@ -1,12 +1,14 @@
 """Studies searched by this process, by helpers on this machine, or by a cluster."""
 
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from plantfit.cli.out import stoppable, warn
+from plantfit.cli.interrupts import Stopping, stoppable
+from plantfit.cli.out import warn
 from plantfit.cli.watching import study_progress
 from plantfit.errors import SearchError
 
@@ -57,7 +59,7 @@ def search(opened: Any, chosen: Sequence[Ready], workers: str | None, scheduler:
 
     with ExitStack() as stack:
         tell = stack.enter_context(study_progress(quiet, named))
-        stop = stack.enter_context(stoppable())
+        stop = stack.enter_context(stoppable(farewell=lambda: _farewell(opened, numbers)))
         if scheduler is None:
             numbers += [_begun(opened, one) for one in chosen]
             _here(opened, chosen, numbers, count or 1, tell, stop)
@@ -66,6 +68,15 @@ def search(opened: Any, chosen: Sequence[Ready], workers: str | None, scheduler:
             numbers += [_begun(opened, one) for one in chosen]
             _cluster(opened, chosen, numbers, client, tell, stop)
         return numbers, stop()
+
+
+def _farewell(opened: Any, numbers: Sequence[int]) -> str:
+    from plantfit.study.addresses import shown
+
+    if not numbers:
+        return "Stopped at once, before anything was begun."
+    where = "" if opened.name == "plantfit.db" else f" --store {shlex.quote(shown(opened.name))}"
+    return f"Stopped at once; go on from the last checkpoint with `plantfit resume {' '.join(map(str, numbers))}{where}`."
 
 
 def _begun(opened: Any, one: Ready) -> int:
@@ -79,18 +90,19 @@ def _begun(opened: Any, one: Ready) -> int:
     )  # fmt: skip
 
 
-def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Callable[[], bool]) -> None:
+def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Stopping) -> None:
     from plantfit.study.helper_processes import helping
     from plantfit.study.runner import attend, joined, latched
 
-    stop = latched(stop)
-    with helping(opened, numbers, count - 1, say=warn):
+    with helping(opened, numbers, count - 1, say=warn) as team:
+        stop.before_exit += [helper.kill for helper in team]  # their claims are free at once, their newest checkpoints are saved
+        asked = latched(stop)
         attend(
             [
-                lambda one=one, number=number: joined(opened, number, one.objective, one.problem.space.physical, tell, stop)
+                lambda one=one, number=number: joined(opened, number, one.objective, one.problem.space.physical, tell, asked)
                 for one, number in zip(chosen, numbers, strict=True)
             ],
-            stop,
+            asked,
         )
 
 

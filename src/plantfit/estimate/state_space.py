@@ -169,11 +169,12 @@ class StateSpace:
         before = jnp.concatenate([begin[:1], begin]), jnp.concatenate([begin[:1], end])
         length = jnp.concatenate([jnp.zeros(1), h])
         here = jnp.zeros_like(before[0]).at[steps.rank].set(jnp.stack([jnp.asarray(v) for v in self.simulator.channels(p, drive)], axis=1))
-        seen = jnp.full((len(length), y.shape[1]), jnp.nan).at[steps.rank].set(y)
+        places = steps.rank if drive.samples is None else steps.rank[drive.samples]
+        seen = jnp.full((len(length), y.shape[1]), jnp.nan).at[places].set(y)
         exact = None
         if self.exact:  # steps of one length share one exponential
             exact = jax.tree.map(lambda a: a[record.which], self.exact_at(values, record.lengths))
-        return Row(*before, length, here, seen, exact), steps.rank
+        return Row(*before, length, here, seen, exact), places
 
     def exact_at(self, values: Any, h: Any) -> tuple[ExactStep, Any]:
         """Maps of steps of lengths h (K,) of a linear model and the roots (K, n, n) of their process noise."""

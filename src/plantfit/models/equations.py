@@ -55,8 +55,8 @@ def equations(
 
     inputs, outputs: names to units (None: unknown), or a list of names.
     states: names to {"unit", "initial"}; `initial` is a number in the unit of the state (default
-    0) or an expression of parameters, constants, inputs (first value) and outputs (first measured
-    value).
+    0) or an expression of parameters, constants, inputs (first value), outputs (first measured
+    value) and t (when the simulation begins).
     parameters: names to `Declared`, a unit, or {"unit", "bounds", "scale", "value", "sentence"}.
     constants: names to numbers (unit not checked) or quantities such as "9.81 m/s^2".
     tables: names to `Table` or {"over", "nodes", "unit"}; `over` lists one or two declared signals,
@@ -157,7 +157,7 @@ class _Builder:
         if not isinstance(given, str):
             return given
         d = self.declared
-        known = {*d.parameters, *d.constants, *d.inputs, *d.outputs}
+        known = {*d.parameters, *d.constants, *d.inputs, *d.outputs, TIME}
         try:
             node = parse_expression(given, d.tables)
         except EquationError as error:
@@ -266,7 +266,7 @@ class _Builder:
             UnitChecker({output: states[output]}, {}, output).expect(self._output_node(output), outputs[output], f"Output {output!r}")
         for state, node in self.initial.items():
             if isinstance(node, Node) and node.op != "number":
-                start = UnitChecker({**named, **outputs}, numbers, str(d.initial[state]), axes)
+                start = UnitChecker({**named, **outputs, TIME: second}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
 
     def _output_node(self, output: str) -> Node:
@@ -318,7 +318,7 @@ class _Builder:
 
         def initial_state(p: Named, u0: Named, y0: Named) -> Named:
             values = _arrays(constants, constants)
-            for source, names in ((p, d.parameters), (u0, d.inputs), (y0, d.outputs)):
+            for source, names in ((p, d.parameters), (u0, (*d.inputs, TIME)), (y0, d.outputs)):
                 values |= _arrays(source, [n for n in names if n in read])
             return _one_shape({s: evaluate(values) for s, evaluate in given.items()}, _without(p, d.tables), u0, y0)
 

@@ -39,10 +39,15 @@ def unit_of(text: str | None, what: str) -> Unit:
         raise UnitError(f"The unit of {what}: {error}") from None
 
 
-def same(a: Unit, b: Unit) -> bool:
-    """Whether numbers in unit a can stand beside numbers in unit b; unknown units and zero always can."""
+def same(a: Unit, b: Unit, *, shifted: bool = False) -> bool:
+    """Whether numbers in unit a can stand beside numbers in unit b; unknown units and zero always can.
+
+    A temperature in degC and one in K cannot, unless `shifted`: added or subtracted, where one of them may be a difference.
+    """
     if a is None or b is None or a is ZERO or b is ZERO:
         return True
+    if not shifted and {_temperature(a), _temperature(b)} == {"from its own zero", "absolute"}:
+        return False
     return _plain(a / b) and math.isclose(_factor(a / b), 1.0, rel_tol=1e-9) and not _turns_against_radians(a, b)
 
 
@@ -108,7 +113,7 @@ class UnitChecker:
         known = [(a, u) for a, u in zip(args, given, strict=True) if u is not None and u is not ZERO]
         for arg, unit in known[1:]:
             first_arg, first = known[0]
-            if same(first, unit):
+            if same(first, unit, shifted=node.op in ("+", "-")):
                 continue
             for number, other in ((first_arg, unit), (arg, first)):
                 if number.op == "number":
@@ -127,7 +132,14 @@ class UnitChecker:
         return self._fail(message, number.place)
 
     def _same(self, node: Node, given: list[Unit]) -> Unit:
-        return self._common(node, node.args, given)
+        unit = self._common(node, node.args, given)
+        kinds = [_temperature(u) for u in given]
+        if len(given) < 2 or unit is None or None in kinds or node.op not in ("+", "-"):
+            return unit
+        if "difference" not in kinds and (node.op == "-" or len(set(kinds)) > 1):
+            point = next((u for u, k in zip(given, kinds, strict=True) if k == "from its own zero"), unit)
+            return units.parse(units.difference_of(str(point)) or "") if units.is_point(point) else _difference(point)
+        return next((u for u, k in zip(given, kinds, strict=True) if k != "difference"), unit)
 
     def _ratio(self, node: Node, given: list[Unit]) -> Unit:
         self._common(node, node.args, given)
@@ -150,13 +162,34 @@ class UnitChecker:
         a, b = given
         if a is ZERO or b is ZERO:
             return ZERO
-        return None if a is None or b is None else a * b
+        return None if a is None or b is None else _difference(a * b)
 
     def _over(self, node: Node, given: list[Unit]) -> Unit:
         a, b = given
         if a is ZERO:
             return ZERO
-        return None if a is None or b is None or b is ZERO else a / b
+        if self._counts_from_own_zero(node.args[1]):
+            raise self._fail(
+                f"This divides by a temperature in {shown(self._own_zero(node.args[1]))}, whose zero is not absolute; add a constant "
+                "first, as in (T + zero) with constants = {'zero': '273.15 K'}, or declare it in K.",
+                node.args[1].start,
+            )
+        return None if a is None or b is None or b is ZERO else _difference(a / b)
+
+    def _own_zero(self, node: Node) -> Unit:
+        """The unit of a temperature in degC or degF that an expression is proportional to, else None."""
+        if node.op == "name" or node.table is not None:
+            unit = self.named.get(node.name)
+            return unit if _temperature(unit) == "from its own zero" else None
+        if node.op in ("+", "-") and len(node.args) == 2:
+            unit = self.unit(node)
+            return unit if _temperature(unit) == "from its own zero" else None
+        if node.op in ("*", "/", "negative", "+", "-"):
+            return next((u for a in node.args if (u := self._own_zero(a)) is not None), None)
+        return None
+
+    def _counts_from_own_zero(self, node: Node) -> bool:
+        return self._own_zero(node) is not None
 
     def _power(self, node: Node, given: list[Unit]) -> Unit:
         (base, exponent), number = given, self._exponent(node.args[1])
@@ -165,6 +198,12 @@ class UnitChecker:
         if base is None or base is ZERO:
             return base
         if number is not None:
+            if (number == 4 or number % 1 or number < 0) and self._counts_from_own_zero(node.args[0]):
+                raise self._fail(
+                    f"This power is of a temperature in {shown(base)}, whose zero is not absolute; add a constant first, as in "
+                    "(T + zero)^4 with constants = {'zero': '273.15 K'}, or declare it in K.",
+                    node.place,
+                )
             return _raised(base, number)
         if not _pure_number(base):
             message = (
@@ -177,6 +216,20 @@ class UnitChecker:
         if node.op == "number":
             return node.number
         return self.numbers.get(node.name) if node.op == "name" else None
+
+
+def _temperature(unit: Unit) -> str | None:
+    """What kind of temperature a unit tells: "absolute" (K), "from its own zero" (degC), "difference" (delta_degC), None: none."""
+    if unit is None or unit is ZERO or list(unit._units.values()) != [1] or units.dimension(unit) != units.dimension("K"):
+        return None
+    return "difference" if units.is_difference(unit) else "from its own zero" if units.is_point(unit) else "absolute"
+
+
+def _difference(unit: Unit) -> Unit:
+    """A temperature that came of a product or a difference, which may stand beside degC and K."""
+    if unit is None or unit is ZERO or units.dimension(unit) != units.dimension("K") or not math.isclose(_factor(unit), 1.0, rel_tol=1e-9):
+        return unit
+    return units.parse("delta_degC")
 
 
 def _factor(unit: Unit) -> float:
@@ -211,6 +264,12 @@ def _how(found: Unit, wanted: Unit) -> str:
         return "; these are different kinds of quantity, check the equation and the declared units"
     if _turns_against_radians(found, wanted):
         return "; one cycle is 2 pi rad, so write 'turn/s' instead of 'Hz' and convert"
+    if {_temperature(found), _temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
+        sign = "+" if _temperature(wanted) == "absolute" else "-"
+        return (
+            f"; 0 degC is 273.15 K and nothing is converted by itself: write it {sign} zero with constants = {{'zero': '273.15 K'}}, or "
+            "declare both in one unit (recordings are converted to it)"
+        )
     ratio = _factor(found / wanted)
     return f"; 1 {shown(found)} is {ratio:.6g} {shown(wanted)} and nothing is converted by itself, so declare both in the same unit"
 

@@ -4,15 +4,18 @@ import ctypes
 import ctypes.util
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from plantfit.native.processor import host, llvm_binding
 from plantfit.native.unsupported import NativeUnsupported
-from plantfit.runtime import cache_folder
+from plantfit.runtime import code_folder
 
 _LOCK = threading.Lock()
 
@@ -43,6 +46,11 @@ def address_of(text: str, key: str, libm: tuple[str, ...]) -> int:
             find_libm(libm)
             _ENGINES[key] = _load(_object_code(text, key))
         return _ENGINES[key][1]
+
+
+def engine_of(key: str) -> Any:
+    """LLVM's engine of a text that `address_of` compiled."""
+    return _ENGINES[key][0]
 
 
 def find_libm(names: tuple[str, ...]) -> None:
@@ -80,19 +88,50 @@ def _load(code: bytes) -> tuple[Any, int]:
 
 def _object_code(text: str, key: str) -> bytes:
     """Object code from the cache on disk, else compiled and put there."""
-    file = cache_folder() / "native" / f"{key}.o"
+    folder = code_folder("native")
+    if folder is None:
+        return compile_text(text)
+    file = folder / f"{key}.o"
+    return read_object(file, key) or write_object(file, key, compile_text(text))
+
+
+def read_object(file: Path, key: str) -> bytes | None:
+    """The object code that `write_object` put into a file; None where there is none, or not that: it is linked unseen."""
     try:
-        return file.read_bytes()
+        with file.open("rb") as opened:
+            if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
+                return None
+            content = opened.read()
     except OSError:
-        code = compile_text(text)
+        return None
+    head = _header(key, content[HEADER:])
+    return content[HEADER:] if content[:HEADER] == head else None
+
+
+def write_object(file: Path, key: str, code: bytes) -> bytes:
+    """Put object code into a file, whole or not at all, also when the power fails; returns it."""
+    part = None
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-            part.write(code)
-        os.replace(part.name, file)  # whole or not at all
-    except OSError:
-        pass  # a cache that cannot be written costs time only
+            part.write(_header(key, code) + code)
+            part.flush()
+            os.fsync(part.fileno())
+        os.replace(part.name, file)
+    except OSError:  # a cache that cannot be written costs time only
+        if part is not None:
+            with suppress(OSError):
+                os.unlink(part.name)
     return code
+
+
+MAGIC = b"plantfit object 1\n"
+HEADER = len(MAGIC) + 2 * 32
+
+
+def _header(key: str, code: bytes) -> bytes:
+    """What stands before the code: a name of the format, and hashes of the key and of the code with its length."""
+    length = len(code).to_bytes(8, "little")
+    return MAGIC + hashlib.sha256(key.encode()).digest() + hashlib.sha256(length + code).digest()
 
 
 def compile_text(text: str) -> bytes:

@@ -139,7 +139,7 @@ def _registered(program: Program, shape: Shape) -> str:
     name = f"plantfit_native_{key}"
     with _LOCK:
         if name not in _REGISTERED:
-            jax.ffi.register_ffi_target(name, _capsule(address_of(kernel.text, key, kernel.libm)), platform="cpu")
+            jax.ffi.register_ffi_target(name, capsule(address_of(kernel.text, key, kernel.libm)), platform="cpu")
             _REGISTERED.add(name)
     return name
 
@@ -148,7 +148,7 @@ _LOCK = threading.Lock()
 _REGISTERED: set[str] = set()  # FFI targets of this process
 
 
-def _capsule(address: int) -> Any:
+def capsule(address: int) -> Any:
     """A function pointer as `register_ffi_target` takes it."""
     make = ctypes.pythonapi.PyCapsule_New
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]

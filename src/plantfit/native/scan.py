@@ -9,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.native.compilation import find_libm
 from plantfit.native.graph import Graph, Node
+from plantfit.native.interface import refusal
 from plantfit.native.kernel import Program, Shape, make_kernel
 from plantfit.native.passes import run_passes
 from plantfit.native.primitive import Loop, loop_p, scan_used
@@ -16,6 +17,7 @@ from plantfit.native.processor import available, host
 from plantfit.native.trace import Tracer, moves
 from plantfit.native.unsupported import NativeUnsupported
 from plantfit.native.values import LARGEST, Memory, Value, array_of, dtype_of
+from plantfit.runtime import said_once
 
 # isort: split
 import jax
@@ -52,6 +54,9 @@ def native_scan(
     try:
         if not available():
             raise NativeUnsupported("native code without llvmlite")
+        if (reason := refusal()) is not None:
+            said_once(reason)
+            raise NativeUnsupported("native code with this jaxlib")
         return _bound(body, carry, xs, length, keep, reverse, used)
     except NativeUnsupported:
         if not fallback:

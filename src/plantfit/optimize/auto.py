@@ -8,19 +8,21 @@ import numpy as np
 
 from plantfit.errors import Status
 from plantfit.optimize.basins import Basins
-from plantfit.optimize.batched_least_squares import WIDTH, side_by_side_least_squares
 from plantfit.optimize.bipop import BipopCmaEs
 from plantfit.optimize.cmaes import CmaEs
 from plantfit.optimize.contract import Host, Needs, Objective, Population
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.local import Found, Loss, lbfgsb, trust_region
+from plantfit.optimize.local_searches import LocalSearches, Start, one_after_another, project, solved_at_once
 from plantfit.optimize.separable import separable_least_squares
-from plantfit.optimize.settings import integer, number
-from plantfit.optimize.starts import far_apart, generator, sobol
+from plantfit.optimize.settings import choice, integer, number
+from plantfit.optimize.starts import CHUNK, Spread, far_apart, generator, sobol
 
 from jax import Array
 
+PERFECT, NEARLY = 1e-20, 1e-14  # cost of a perfect fit by least squares, and by a gradient, as a share of the sample's median cost
+PIECE = 64  # points of a sample that are evaluated in one go
 FEW_JACOBIANS = 25  # what one least-squares search takes, median of the problems in tests/optimize
 
 
@@ -53,7 +55,7 @@ def by_residuals(objective: Objective, budget: int) -> bool:
 
 @dataclass(frozen=True)
 class Auto:
-    """A spread sample, then local searches from its best points until the best answer repeats.
+    """A spread sample, then local searches from its best points until the best answer repeats and little of the box is unseen.
 
     With residuals the local search is least squares, with only a gradient, or a budget of few Jacobians, L-BFGS-B;
     without derivatives `choose` goes by RULES. Multi-start with a sampled global phase:
@@ -62,8 +64,11 @@ class Auto:
 
     needs: ClassVar[Needs] = Needs()
     share: float = number(0.15, 0.0, 0.9, "largest share of the budget for the sample before the local searches")
+    second: float = number(0.3, 0.0, 0.9, "share of the budget for a second sample, where least-squares searches end in several optima")
     agree: int = integer(3, 1, 1_000_000, "stop after so many independent starts ended in the best basin")
-    searches: int = integer(5, 1, 1_000_000, "fewest local searches")
+    searches: int = integer(8, 1, 1_000_000, "fewest local searches")
+    unseen: float = number(0.02, 1e-6, 1.0, "stop only when at most this share of the box is expected to lead to optima not seen yet")
+    solve_linear: str = choice("yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point")
     max_steps: int = integer(200, 1, 1_000_000, "most steps of one local search")
 
     def choose(self, objective: Objective, budget: int) -> tuple[Population | Host, str]:
@@ -86,51 +91,83 @@ class Auto:
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
         rng = generator(key)
         basins = Basins(counter.extra)
-        points, costs = self._sample(objective, budget, counter, rng)
+        least_squares = by_residuals(objective, budget) and objective.separable is None
+        together = least_squares and (project(counter, self.solve_linear) or objective.batch_rows is not None)
+        if together and solved_at_once(counter, basins):
+            return Status.converged
+        spread = Spread.of(objective)
+        points, costs = self._sample(objective, self.share * budget, counter, spread, rng)
         finite = costs[np.isfinite(costs)]
         # a cost this far below the ordinary one is a perfect fit up to rounding
-        basins.floor = 1e-14 * abs(float(np.median(finite))) if len(finite) else basins.floor
+        basins.floor = (PERFECT if together else NEARLY) * abs(float(np.median(finite))) if len(finite) else basins.floor
+        starts = self._starts(objective, budget, counter, basins, spread, points, costs, rng, together)
         if objective.separable is not None:
-            start, _ = next(self._starts(objective, counter, points, costs, rng))
-            separable_least_squares(counter, start, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
-            return Status.converged if counter.extra["basin_hits"] >= self.agree else Status.budget
-        starts = self._starts(objective, counter, points, costs, rng)
-        if by_residuals(objective, budget) and objective.batch_residuals_and_jacobian is not None:
-            side_by_side_least_squares(
-                counter, starts, basins, width=WIDTH, agree=self.agree, searches=self.searches, max_steps=self.max_steps
-            )
-            return Status.converged
-        for start, independent in starts:
-            basins.add(self._search(objective, counter, start, budget), independent)
-            if basins.hits >= self.agree and basins.searches >= self.searches:
-                return Status.converged
-        return Status.budget
+            return separable_least_squares(counter, next(starts).x, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+        limits = {"agree": self.agree, "searches": self.searches, "unseen": self.unseen, "max_steps": self.max_steps}
+        if together:
+            return LocalSearches(counter, starts, basins, **limits).run()
+        return one_after_another(counter, starts, lambda x, steps: self._search(objective, counter, x, budget, steps), basins, **limits)
 
-    def _sample(self, objective: Objective, budget: int, counter: Counter, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        n = int(min(max(64, 16 * objective.dimension), self.share * budget))
-        points = sobol(n, objective.dimension, rng) if n else np.zeros((0, objective.dimension))
-        return points, counter.costs(points) if n else np.zeros(0)
+    def _sample(
+        self, objective: Objective, allowed: float, counter: Counter, spread: Spread, rng: np.random.Generator, *, large: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Spread points (n, d) and their costs (n,); with the affine parameters solved for where the search does so."""
+        projected = counter.projected
+        dimension = objective.dimension if projected is None else len(projected.kept)
+        price = 1.0 if projected is None else projected.charge
+        n = int(allowed / price if large else min(max(64, 16 * dimension), allowed / price))
+        if not n:
+            return np.zeros((0, objective.dimension)), np.zeros(0)
+        points = spread.points(sobol(n, objective.dimension, rng), rng)
+        # piece by piece, so that a stop is seen and progress told in between
+        return points, np.concatenate([self._costs(counter, points[i : i + PIECE]) for i in range(0, n, PIECE)])
 
-    def _search(self, objective: Objective, counter: Counter, start: np.ndarray, budget: int) -> Found:
+    @staticmethod
+    def _costs(counter: Counter, points: np.ndarray) -> np.ndarray:
+        if counter.projected is None:
+            return counter.costs(points)
+        rows = counter.projected_rows(points[:, counter.projected.kept])
+        return rows.cost / rows.r.shape[1]
+
+    def _search(self, objective: Objective, counter: Counter, start: np.ndarray, budget: int, steps: int) -> Found:
         if by_residuals(objective, budget):
-            return trust_region(counter, start, Loss(), self.max_steps)
-        return lbfgsb(counter, start, self.max_steps)
+            return trust_region(counter, start, Loss(), steps)
+        return lbfgsb(counter, start, steps)
 
     def _starts(
-        self, objective: Objective, counter: Counter, points: np.ndarray, costs: np.ndarray, rng: np.random.Generator
-    ) -> Iterator[tuple[np.ndarray, bool]]:
-        """Starts and whether they are independent: best sample, warm starts, further spread samples, then in
-        turn the next sample, a step away from the best point, a uniform point."""
-        spread, rest = far_apart(points, costs)
+        self,
+        objective: Objective,
+        budget: int,
+        counter: Counter,
+        basins: Basins,
+        spread: Spread,
+        points: np.ndarray,
+        costs: np.ndarray,
+        rng: np.random.Generator,
+        together: bool,
+    ) -> Iterator[Start]:
+        """Best sample, warm starts, further samples far from each other, then in turn the next sample, a step away from the best
+        point, a new point of the spread. A second, larger sample is drawn when twice `searches` starts met several optima."""
+        apart, rest = far_apart(spread.places(points), costs)
         warm = [] if objective.start is None else list(np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0))
-        first = [points[i] for i in spread[: self.searches]]
-        yield from ((x, True) for x in [*first[:1], *warm, *first[1:]])
-        later = iter([*spread[self.searches :], *rest])
+        first = [Start(points[i]) for i in apart[: self.searches]]
+        yield from [*first[:1], *(Start(x, asked=True) for x in warm), *first[1:]]
+        later, given, fresh = iter([*apart[self.searches :], *rest]), self.searches, self.second > 0.0
         while True:
+            if fresh and given >= 2 * self.searches and basins.several and together:
+                fresh = False
+                # half of what is left is for the searches that begin there
+                allowed = min(self.second * budget, 0.5 * counter.remaining)
+                points, costs = self._sample(objective, allowed, counter, spread, rng, large=True)
+                apart, rest = far_apart(spread.places(points), costs)
+                later = iter([*apart, *rest])
             following = next(later, None)
             if following is not None:
-                yield points[following], True
+                given += 1
+                yield Start(points[following])
             if np.isfinite(counter.best_cost):
                 width = 10 ** rng.uniform(-2, -0.5)
-                yield np.clip(counter.best_x + width * rng.standard_normal(objective.dimension), 0.0, 1.0), False
-            yield rng.random(objective.dimension), True
+                given += 1
+                yield Start(np.clip(counter.best_x + width * rng.standard_normal(objective.dimension), 0.0, 1.0), independent=False)
+            given += 1
+            yield Start(spread.points(rng.random((CHUNK, objective.dimension)), rng)[rng.integers(CHUNK)])

@@ -31,7 +31,9 @@ class CmaEs(EvolutionStrategy):
     Candidates outside the cube are evaluated at the nearest point inside and pay an adaptive penalty; the update
     uses the point outside (Hansen, Niederberger, Guzzella and Koumoutsakos 2009, IEEE TEC 13:180). Candidates that
     cannot be simulated have no weight. When its own stop rules hold, the search restarts from a new uniform mean
-    with the same population (shapes are fixed), and ends as converged when its restarts are used up.
+    with the same population (shapes are fixed), and ends as converged when its restarts are used up. Every second
+    search folds candidates back at the bounds instead: it is slower where the optimum is on a bound, and finds narrow
+    basins in the inside more often, because wide first steps are not spent on the bounds (docs/bbob.md).
     """
 
     def refresh_period(self, facts: Facts) -> int:

@@ -92,6 +92,25 @@ class Shrinking(Population, Protocol):
         ...
 
 
+class Projected(Protocol):
+    """A least-squares problem over some of its coordinates: at every point the others are solved for inside their bounds."""
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Coordinates (q,) that are searched, places in the cube of all."""
+        ...
+
+    @property
+    def charge(self) -> float:
+        """Evaluations that one point of `rows` costs."""
+        ...
+
+    def rows(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """At n points (n, q): residuals (n, k) and their derivatives (n, k, q) in rows whose mean square is the cost, and the full
+        cube points (n, d). A point that cannot be simulated has NaN residuals."""
+        ...
+
+
 @dataclass(frozen=True)
 class Objective:
     """A cost over the unit cube, with whatever derivatives it has.
@@ -103,8 +122,11 @@ class Objective:
     coordinates that partition the cube so that the cost is a sum over groups; `blocks` then gives for
     each group its residuals (k,), with cost = sum of their squares, and their derivatives (k, q) by the
     group's coordinates. Charges are in evaluations.
-    `start` (k, d) are warm starts, possibly empty. `batch_residuals_and_jacobian` maps (n, d) to
-    ((n, m), (n, m, d)) for methods that run many starts side by side.
+    `start` (k, d) are warm starts, possibly empty. `batch_rows` maps (n, d) to ((n, k), (n, k, d)): rows with the same mean
+    square, gradient and Gauss-Newton matrix as the residuals and Jacobians of n points, for methods that run many starts
+    side by side. `projected` makes the same problem with the parameters solved for in which the residuals are affine,
+    None if there are none.
+    `lower` and `upper` (d,) are the bounds in units; `log` (d,) tells which coordinates are logarithms.
     """
 
     dimension: int
@@ -112,7 +134,8 @@ class Objective:
     value_and_gradient: Callable[[np.ndarray], tuple[float, np.ndarray]] | None = None
     residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     compressed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
-    batch_residuals_and_jacobian: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    batch_rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    projected: Callable[[], "Projected | None"] | None = None
     separable: tuple[np.ndarray, ...] | None = None
     blocks: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
     gradient_charge: float = 3.0
@@ -120,6 +143,7 @@ class Objective:
     start: np.ndarray | None = None
     lower: np.ndarray | None = None
     upper: np.ndarray | None = None
+    log: np.ndarray | None = None
     noise_floor: float | None = None  # expected cost at the truth when known
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
-from plantfit.optimize.contract import Objective
+from plantfit.optimize.contract import Objective, Projected
+from plantfit.optimize.damped_steps import Rows
 
 import jax
 
@@ -21,6 +22,10 @@ class BudgetSpent(Exception):
 
 class TargetReached(Exception):
     """The target cost was met; ends a host method from inside."""
+
+
+def _filled(x: np.ndarray, width: int) -> np.ndarray:
+    return np.concatenate([x, np.repeat(x[:1], width - len(x), axis=0)])
 
 
 @lru_cache(maxsize=32)
@@ -64,6 +69,7 @@ class Counter:
         self.history: list[tuple[float, float]] = []
         self.extra: dict[str, Any] = {}
         self.rank: Callable[[np.ndarray], float] | None = None
+        self.projected: Projected | None = None  # set by a method that solves for what is affine
         self._best_rank = np.inf
         self._target, self._stop, self._report = target, stop, report
 
@@ -83,8 +89,7 @@ class Counter:
         return f
 
     def _chunk(self, x: np.ndarray, size: int) -> np.ndarray:
-        full = np.concatenate([x, np.repeat(x[:1], size - len(x), axis=0)])
-        f = np.array(_compiled(self.objective.costs)(full), dtype=float)[: len(x)]
+        f = np.array(_compiled(self.objective.costs)(_filled(x, size)), dtype=float)[: len(x)]
         return np.where(np.isfinite(f), f, np.inf)
 
     def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -118,24 +123,33 @@ class Counter:
         self._after()
         return r, jacobian
 
-    def residuals_and_jacobians(self, x: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (n, m) and Jacobians (n, m, d) of n points, at most `width`; a failed point has NaN residuals.
+    def rows(self, x: np.ndarray, width: int) -> Rows:
+        """Residuals and derivatives at n points (n, d) in rows, at most `width` points; a failed point has NaN residuals.
 
         The objective sees `width` points every time, filled up with the first, so that it is compiled once.
         """
-        assert self.objective.batch_residuals_and_jacobian is not None
-        price, n = self.objective.jacobian_charge, len(x)
-        self._charge(n * price)
-        full = np.concatenate([x, np.repeat(x[:1], width - n, axis=0)])
-        r, jacobian = (np.asarray(a, dtype=float)[:n] for a in self.objective.batch_residuals_and_jacobian(full))
+        assert self.objective.batch_rows is not None
+        self._charge(len(x) * self.objective.jacobian_charge)
+        r, jacobian = self.objective.batch_rows(_filled(x, width))
+        return self._taken(Rows(r, jacobian, x), self.objective.jacobian_charge, len(x))
+
+    def projected_rows(self, x: np.ndarray) -> Rows:
+        """The same of the projected problem at n points (n, q) of its fewer coordinates."""
+        assert self.projected is not None
+        self._charge(len(x) * self.projected.charge)
+        return self._taken(Rows(*self.projected.rows(x)), self.projected.charge, len(x))
+
+    def _taken(self, rows: Rows, price: float, n: int) -> Rows:
+        """Those of the first n points as plain arrays, recorded."""
+        r, jacobian, points = (np.asarray(a, dtype=float)[:n] for a in (rows.r, rows.jacobian, rows.points))
         # residuals whose squares overflow cannot be compared either
-        works = np.all(np.abs(r) < 1e150, axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))
-        r, jacobian = np.where(works[:, None], r, np.nan), np.where(works[:, None, None], jacobian, 0.0)
+        works = np.all(np.abs(r) < 1e150, axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(points), axis=1)
+        rows = Rows(np.where(works[:, None], r, np.nan), np.where(works[:, None, None], jacobian, 0.0), points)
+        costs = rows.cost / r.shape[1]
         for k in range(n):
-            cost = float(np.mean(r[k] ** 2))
-            self._record(x[k], cost, cost, self.spent - (n - 1 - k) * price)
+            self._record(points[k], float(costs[k]), float(costs[k]), self.spent - (n - 1 - k) * price)
         self._after()
-        return r, jacobian
+        return rows
 
     def blocks(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Residuals and derivatives of every separable group; a failed group has residuals that are not finite."""

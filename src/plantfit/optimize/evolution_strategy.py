@@ -89,7 +89,9 @@ class EvolutionStrategy(ABC):
     )
     restarts: int = integer(9, 0, 1_000_000, "how many times the search may begin anew, anywhere, after it converged")
     bounds: str = choice(
-        "auto", ("auto", "penalty", "mirror"), "at a bound: clip and pay for the distance, or fold back; mirror from 300 parameters"
+        "auto",
+        ("auto", "penalty", "mirror"),
+        "at a bound: clip and pay for the distance, or fold back; by default every second restart folds back, and all from 300 parameters",
     )
     steps: str = choice(
         "auto",
@@ -123,19 +125,20 @@ class EvolutionStrategy(ABC):
         if self._two_point(z.shape[1]):
             z = self._trial_points(length, state, z)
         raw = state.mean + state.sigma * self.stretch(state.shape, z)
-        return self._inside(raw), state._replace(z=z, raw=raw, spare=jax.random.uniform(place, state.mean.shape))
+        return self._inside(raw, state), state._replace(z=z, raw=raw, spare=jax.random.uniform(place, state.mean.shape))
 
     def tell(self, state: Search, x: Array, f: Array) -> tuple[Search, Info]:
         n = x.shape[1]
-        foreign = jnp.any(x != self._inside(state.raw), axis=1)
+        foreign = jnp.any(x != self._inside(state.raw, state), axis=1)
         y, white = lax.cond(jnp.any(foreign), self._taken_in, lambda s, x, _: ((s.raw - s.mean) / s.sigma, s.z), state, x, foreign)
-        cost = f + (
-            0.0 if self._mirror(x.shape[1]) else penalties(state.penalty, state.mean + state.sigma * y, self.variances(state.shape))
-        )
+        cost = f
+        if self._mirrors(n) != "always":
+            paid = penalties(state.penalty, state.mean + state.sigma * y, self.variances(state.shape))
+            cost = f + jnp.where(self._folds(state), 0.0, paid)
         jump = (state.memory.generation == 0) & (state.restarts == 0) & foreign[jnp.argmin(f)]
         moved = state._replace(mean=x[jnp.argmin(f)], sigma=state.warm, first=state.warm)
         learned = self._update(state, y, white, cost)
-        if not self._mirror(n):
+        if self._mirrors(n) != "always":
             mu_eff = weights(*x.shape).mu_eff
             penalty = adapted(state.penalty, f, learned.mean, learned.sigma, self.variances(learned.shape), mu_eff)
             learned = learned._replace(penalty=penalty)
@@ -175,11 +178,19 @@ class EvolutionStrategy(ABC):
     def learn(self, shape: Any, ranked: Ranked) -> Any:
         """The shape after one generation."""
 
-    def _inside(self, raw: Array) -> Array:
-        return mirrored(raw) if self._mirror(raw.shape[1]) else jnp.clip(raw, 0.0, 1.0)
+    def _inside(self, raw: Array, state: Search) -> Array:
+        return jnp.where(self._folds(state), mirrored(raw), jnp.clip(raw, 0.0, 1.0))
 
-    def _mirror(self, n: int) -> bool:
-        return self.bounds == "mirror" or (self.bounds == "auto" and n >= LARGE)
+    def _folds(self, state: Search) -> Array:
+        """Whether this search folds candidates back at the bounds."""
+        mirrors = self._mirrors(state.mean.shape[0])
+        return state.restarts % 2 == 1 if mirrors == "in turn" else jnp.asarray(mirrors == "always")
+
+    def _mirrors(self, n: int) -> str:
+        """Which searches fold back: "never", "always" or "in turn"."""
+        if self.bounds == "auto":
+            return "always" if n >= LARGE else "in turn"
+        return "always" if self.bounds == "mirror" else "never"
 
     def _two_point(self, n: int) -> bool:
         return self.steps == "two_point" or (self.steps == "auto" and n >= LARGE)

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 from plantfit.errors import Status
 from plantfit.optimize.basins import Basins
-from plantfit.optimize.batched_least_squares import WIDTH, side_by_side_least_squares
 from plantfit.optimize.contract import Needs, Objective
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.local import Loss, trust_region
+from plantfit.optimize.local_searches import WIDTH, LocalSearches, Start, one_after_another, project, solved_at_once
 from plantfit.optimize.separable import separable_least_squares
 from plantfit.optimize.settings import choice, integer, number
 from plantfit.optimize.starts import generator, warm_then_uniform
@@ -24,7 +24,8 @@ class LeastSquares:
 
     Where the objective evaluates several Jacobians at once, searches run side by side (Levenberg-Marquardt with
     projected steps): 10 times less CPU time in problems of 2 to 30 parameters and up to 1000 samples, in which the
-    arithmetic of one search costs more than the model, 2 times less at 20 000 samples.
+    arithmetic of one search costs more than the model, 2 times less at 20 000 samples. Parameters in which the residuals are
+    affine are then solved for at every point (`Objective.projected`).
 
     A robust loss decides which point is best; the cost reported with it stays mean(residuals**2), so
     that its history need not fall.
@@ -35,6 +36,7 @@ class LeastSquares:
     loss: str = choice("linear", ("linear", "soft_l1", "huber", "cauchy"), "robust losses give outliers less weight")
     f_scale: float = number(1.0, 1e-300, 1e300, "residual at which a robust loss begins to differ from least squares")
     max_steps: int = integer(200, 1, 1_000_000, "most steps of one local search")
+    solve_linear: str = choice("yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point")
     side_by_side: int = integer(WIDTH, 1, 1000, "searches whose steps are evaluated together, for plain least squares of moderate size")
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
@@ -42,21 +44,25 @@ class LeastSquares:
         if self.loss != "linear":
             counter.rank = loss.rank
         basins = Basins(counter.extra)
+        warm = 0 if objective.start is None else len(objective.start)
         starts = warm_then_uniform(objective.start, objective.dimension, generator(key))
-        if self._together(objective):
-            marked = ((x, True) for x in starts)
-            side_by_side_least_squares(counter, marked, basins, width=self.side_by_side, agree=self.agree, max_steps=self.max_steps)
-            return Status.converged
-        for start in starts:
-            if objective.separable is not None and self.loss == "linear":
-                separable_least_squares(counter, start, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
-                return Status.converged if counter.extra["basin_hits"] >= self.agree else Status.budget
-            found = trust_region(counter, start, loss, self.max_steps)
-            basins.add(found)
-            if basins.hits >= self.agree:
+        if self._together(objective, counter):
+            if solved_at_once(counter, basins):
                 return Status.converged
-        return Status.budget
+            marked = (Start(x, asked=k < warm) for k, x in enumerate(starts))
+            return LocalSearches(counter, marked, basins, self.agree, self.max_steps, width=self.side_by_side).run()
+        if objective.separable is not None and self.loss == "linear":
+            return separable_least_squares(counter, next(starts), agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+        return one_after_another(
+            counter,
+            (Start(x, asked=k < warm) for k, x in enumerate(starts)),
+            lambda x, steps: trust_region(counter, x, loss, steps),
+            basins,
+            agree=self.agree,
+            max_steps=self.max_steps,
+        )
 
-    def _together(self, objective: Objective) -> bool:
-        batch = objective.batch_residuals_and_jacobian is not None and objective.separable is None
-        return batch and self.loss == "linear" and self.side_by_side > 1
+    def _together(self, objective: Objective, counter: Counter) -> bool:
+        if self.loss != "linear" or self.side_by_side == 1 or objective.separable is not None:
+            return False
+        return project(counter, self.solve_linear) or objective.batch_rows is not None

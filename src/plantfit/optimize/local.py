@@ -1,6 +1,6 @@
 """One local search from one start: bounded least squares and L-BFGS-B, robust at bounds and failures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,15 @@ ON_BOUND = 1.1e-10  # just above the distance that scipy keeps at its start
 
 @dataclass(frozen=True)
 class Found:
-    """Where a local search ended: point (d,), cost, and whether its start could be simulated."""
+    """Where a local search stands: point (d,), cost, whether its start could be simulated, and whether it came to its own end.
+
+    A search that is not `finished` was cut off by its limit of steps.
+    """
 
     x: np.ndarray
     cost: float
     started: bool = True
+    finished: bool = True
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ def _solve(counter: Counter, x: np.ndarray, free: np.ndarray, loss: Loss, max_st
         f_scale=loss.scale / unit,
         **tolerances,
     )
-    return Found(residuals.full(answer.x), loss.rank(answer.fun * unit)), answer.grad
+    return Found(residuals.full(answer.x), loss.rank(answer.fun * unit), finished=answer.status > 0), answer.grad
 
 
 def _onto_bounds(counter: Counter, found: Found, gradient: np.ndarray, loss: Loss, max_steps: int) -> Found:
@@ -113,7 +117,9 @@ def _onto_bounds(counter: Counter, found: Found, gradient: np.ndarray, loss: Los
         polished, _ = _solve(counter, x, free, loss, max_steps)
     else:
         polished = Found(x, loss.rank(counter.residuals_and_jacobian(x)[0]))
-    return polished if polished.cost <= found.cost else found
+    if polished.cost > found.cost:
+        return found
+    return polished if found.finished else replace(polished, finished=False)
 
 
 def lbfgsb(counter: Counter, start: np.ndarray, max_steps: int, memory: int = 20) -> Found:
@@ -135,4 +141,5 @@ def lbfgsb(counter: Counter, start: np.ndarray, max_steps: int, memory: int = 20
 
     options: Any = {"maxcor": memory, "maxls": 40, "ftol": 1e-15, "gtol": 1e-10, "maxiter": max_steps, "maxfun": 4 * max_steps}
     answer = optimize.minimize(scaled, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start), options=options)
-    return Found(np.clip(answer.x, 0.0, 1.0), float(answer.fun) * unit)
+    # status 1: the limit of steps or evaluations
+    return Found(np.clip(answer.x, 0.0, 1.0), float(answer.fun) * unit, finished=answer.status != 1)

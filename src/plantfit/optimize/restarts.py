@@ -25,7 +25,8 @@ def first_population(dimension: int) -> int:
 class Restarts:
     """Runs of CMA-ES on one objective, numbered in order; each has a key of its own.
 
-    The first begins at the warm starts, the others at uniform points.
+    The first begins at the warm starts, the others at uniform points. The second, fourth, ... fold candidates back at
+    the bounds, as restarts of CmaEs do.
     """
 
     key: Array
@@ -47,6 +48,8 @@ class Restarts:
             # in the state, not in the settings: every new setting would compile anew
             sigma = jnp.asarray(method.sigma * shrink, float)  # type: ignore[operator]
             nested.state = nested.state._replace(sigma=sigma, first=sigma)
+        # the parity of its number tells how a search keeps the bounds
+        nested.state = nested.state._replace(restarts=jnp.asarray(self.runs, nested.state.restarts.dtype))
         self.runs += 1
         while not nested.stopped and nested.evaluations + population <= most:
             nested.generation(self.counter)

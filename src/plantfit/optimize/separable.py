@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from plantfit.errors import Status
 from plantfit.optimize.counter import Counter
 
 ENOUGH = 1e-4  # of the predicted decrease
@@ -37,6 +38,7 @@ class Block:
     done: bool = False
     fresh: bool = False  # x is a start that has not been evaluated yet
     found: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    ended: list[float] = field(default_factory=list)  # costs of the searches that came to their own end
 
     @property
     def cost(self) -> float:
@@ -90,6 +92,8 @@ class Block:
         self.patience = LONG if self.done else 2 * self.patience
         if np.isfinite(self.cost):
             self.found.append((self.cost, self.x))
+            if self.done:
+                self.ended.append(self.cost)
         best = min((c for c, _ in self.found), default=np.inf)
         if sum(c <= best * (1.0 + SAME) for c, _ in self.found) >= agree:
             self.tolerance, self.fresh, self.x = FINE, True, min(self.found, key=lambda a: a[0])[1]
@@ -102,17 +106,23 @@ class Block:
         return self.length >= self.patience and self.tolerance != FINE
 
     @property
+    def finished(self) -> bool:
+        """Whether the best answer was led to its last digits."""
+        return self.done and not self.fresh and self.tolerance == FINE
+
+    @property
     def answer(self) -> tuple[float, np.ndarray]:
         """The best cost and point so far."""
         here = [(self.cost, self.x)] if not self.fresh and np.isfinite(self.cost) else []
         return min([*self.found, *here], key=lambda a: a[0], default=(np.inf, self.x))
 
 
-def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, max_steps: int) -> tuple[np.ndarray, float]:
-    """The point (d,) and cost of all blocks' best answers; the first search begins at `start`, later ones at random points.
+def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, max_steps: int) -> Status:
+    """The best answers of all blocks; the first search begins at `start`, later ones at random points.
 
-    A block is searched until its best answer was found `agree` times. Cost +inf when a block could not be simulated anywhere.
-    Further starts are drawn from a generator seeded with `start`.
+    A block is searched until its best answer was found `agree` times, to within one percent of the cost, and that answer is then
+    led to its last digits: the status is converged when this was done for every block. Of the searches only those that came to
+    their own end are counted as hits. Further starts are drawn from a generator seeded with `start`.
     """
     groups = counter.objective.separable
     assert groups is not None
@@ -133,9 +143,10 @@ def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, 
     for b in blocks:
         x[b.own] = b.answer[1]
     counter.blocks(x)
-    hits = [sum(c <= b.answer[0] * (1.0 + SAME) for c, _ in b.found) for b in blocks]
-    counter.extra.update(blocks=len(blocks), starts=min(len(b.found) for b in blocks), basin_hits=min(hits))
-    return x, sum(b.answer[0] for b in blocks)
+    hits = [sum(c <= b.answer[0] * (1.0 + SAME) for c in b.ended) for b in blocks]
+    cut = max(len(b.found) - len(b.ended) for b in blocks)
+    counter.extra.update(blocks=len(blocks), starts=min(len(b.ended) for b in blocks), basin_hits=min(hits), cut_searches=cut)
+    return Status.converged if all(b.finished for b in blocks) else Status.budget
 
 
 def _advance(counter: Counter, x: np.ndarray, blocks: list[Block]) -> None:

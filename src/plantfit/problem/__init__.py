@@ -2,7 +2,20 @@
 
 from plantfit.problem.experiment import Experiment, split
 from plantfit.problem.problem import Problem
+from plantfit.problem.projection import Projection
 from plantfit.problem.shooting import Shooting, Shot, shooting_start
-from plantfit.problem.verification import Verified, verify
+from plantfit.problem.verification import CheckedCost, Verified, checked_cost, verify
 
-__all__ = ["Experiment", "Problem", "Shooting", "Shot", "Verified", "shooting_start", "split", "verify"]
+__all__ = [
+    "CheckedCost",
+    "Experiment",
+    "Problem",
+    "Projection",
+    "Shooting",
+    "Shot",
+    "Verified",
+    "checked_cost",
+    "shooting_start",
+    "split",
+    "verify",
+]

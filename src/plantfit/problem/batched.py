@@ -71,12 +71,13 @@ class Batched:
             n = len(drives[name].t)
             y, scored = [np.zeros(n) for _ in outputs], [np.zeros(n, bool) for _ in outputs]
             for i, output in enumerate(outputs):
-                y[i][index[name, output]], scored[i][index[name, output]] = measured[name, output], True
+                places = drives[name].places(index[name, output])
+                y[i][places], scored[i][places] = measured[name, output], True
             tracks.append(Track(drives[name], tuple(y), tuple(scored), ranges))
         linear = [c in simulator.interpolated for c in simulator.vector.model.inputs]
         linear += [d.input in simulator.interpolated for d in simulator.vector.model.delays]
         rows = make_schedule(tracks, linear)
-        scored = tuple(tuple(np.asarray(index[name, o]) for o in outputs) for name in names)
+        scored = tuple(tuple(drives[name].places(np.asarray(index[name, o])) for o in outputs) for name in names)
         few_edges = Batch(simulator, rows.windows).few_edges(rows.chunks)
         whole = make_rows(tracks, linear) if few_edges and filled(tracks) else None
         return cls(simulator, space, names, rows, whole, few_edges, scored, np.stack([space.local(name) for name in names]))

@@ -17,7 +17,9 @@ class Experiment:
 
     `fit` and `validate` are intervals (start, stop) in seconds of its time axis, None: nothing.
     `skip` seconds at the start of each part are simulated but not scored (unknown history).
-    `before` gives inputs ahead of the first sample; by default they had their first value.
+    `before` gives inputs ahead of the first sample, in the model's unit or as a text with a unit ("20 degC"); by default they had
+    their first value.
+    `initial_time` (s) is where the states begin, before the first sample and on its time axis; by default they begin there.
     `steady` means that every sample is a plant at rest (a static curve, a table of operating points): its
     outputs are compared with the model at rest under its inputs, and time and order mean nothing.
     `shared_errors` names for an output a signal of whole numbers that tells which error of its sensor a sample has: samples of equal
@@ -29,9 +31,21 @@ class Experiment:
     fit: tuple[float, float] | None = (-np.inf, np.inf)
     validate: tuple[float, float] | None = None
     skip: float = 0.0
-    before: Mapping[str, float] = field(default_factory=dict)
+    before: Mapping[str, float | str] = field(default_factory=dict)
     steady: bool = False
     shared_errors: Mapping[str, str] = field(default_factory=dict)
+    initial_time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.initial_time is None:
+            return
+        if self.steady:
+            raise RecordingError(f"Recording {self.recording.name!r} is steady, where time means nothing; leave initial_time out.")
+        if not self.initial_time <= self.recording.t[0]:
+            raise RecordingError(
+                f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first sample at "
+                f"{self.recording.t[0]:g} s; give an earlier time of the recording's own axis, or leave it out."
+            )
 
     def error_numbers(self, output: str) -> np.ndarray | None:
         """Number (n,) of the error that each sample of an output has, NaN where it is not known; None where times number them.
@@ -98,6 +112,33 @@ def split(recording: Recording, share: float, skip: float = 0.0) -> Experiment:
     return Experiment(recording, fit=(-np.inf, edge), validate=(edge, np.inf), skip=skip)
 
 
+def before_in_units(recording: Recording, before: Mapping[str, float | str], wanted: Mapping[str, str | None]) -> dict[str, float]:
+    """Inputs ahead of the first sample as numbers in the model's units: numbers are in them, texts such as "20 degC" are converted.
+
+    Raises UnitError for a number where the recording counts from another zero, so that it is not clear which it is in.
+    """
+    found = {}
+    for name, value in before.items():
+        unit, where = wanted.get(name), f"Recording {recording.name!r}: before gives {name!r} as {value!r}"
+        if isinstance(value, str):
+            number, own = units.quantity(value)
+            if unit is None:
+                raise UnitError(f"{where}, but the model has no unit for it; give a number.")
+            if not units.compatible(own, unit):
+                raise UnitError(f"{where}, which cannot be turned into the model's {unit!r}; give it in a unit of that kind.")
+            found[name] = units.convert(number, own, unit)
+            continue
+        have = recording.signals[name].unit if name in recording.signals else None
+        convertible = unit is not None and have is not None and have != units.difference_of(unit) and units.compatible(have, unit)
+        if convertible and units.factor_offset(have, unit)[1] != 0.0:  # type: ignore[arg-type]
+            raise UnitError(
+                f"{where}, and the recording is in {have!r} but the model in {unit!r}; say which by a unit, as in "
+                f'before = {{ {name} = "{value:g} {have}" }}.'
+            )
+        found[name] = float(value)
+    return found
+
+
 def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recording:
     """The named signals in the units that the model declares; signals without a unit are taken as they are."""
     signals, log = dict(recording.signals), list(recording.log)
@@ -109,6 +150,15 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             )
         have = signals[name].unit
         if unit is None or have is None or have == unit:
+            continue
+        if units.logarithmic(have):
+            raise UnitError(
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which is logarithmic, and the model's is in {unit!r}; "
+                f"convert the column to a linear unit, or declare {name!r} without a unit to compute with levels."
+            )
+        if have == units.difference_of(unit):
+            signals[name] = Signal(signals[name].values, unit)
+            log.append(f"{name}: differences in {have}, taken as they are for {unit}.")
             continue
         if not units.compatible(have, unit):
             raise UnitError(

@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
-from plantfit.problem.experiment import Experiment
+from plantfit.problem.experiment import Experiment, before_in_units
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steady import rest_channels, steady_outputs, steady_states
 
@@ -69,9 +69,10 @@ class Predictor:
         return self.stepping().drive(
             r.t[cut],
             {n: r[n][cut] for n in self.model.inputs},
-            before=experiment.before,
+            before=before_in_units(r, experiment.before, self.needs),
             measured={n: r[n] for n in self.model.outputs},
             longest=longest,
+            initial_time=experiment.initial_time,
         )
 
     def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:

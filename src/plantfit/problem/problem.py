@@ -1,7 +1,7 @@
 """Recordings, a model and a space as one pure function: from a point of the unit cube to residuals."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
@@ -10,16 +10,18 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SpaceError
+from plantfit.models.clock_shift import with_clock_shift
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.problem.batched import Batched
 from plantfit.problem.compress import compress
 from plantfit.problem.direct import Direct
-from plantfit.problem.experiment import Experiment, in_units
+from plantfit.problem.experiment import Experiment, before_in_units, in_units
 from plantfit.problem.experiment import split as split_recording
 from plantfit.problem.mixed import Mixed
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import predictor_of
+from plantfit.problem.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.problem.smoothing import Smoothed, Smoothing
 from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
@@ -36,10 +38,13 @@ class Problem:
     `recordings`: a Recording, an Experiment, or a mapping of names to either. `split` fits the
     first share of a single recording and keeps the rest unseen; `validate` names recordings that
     are only predicted. `parameters` change what the model declares. `scales` divide the residual
-    of each output (in its unit); by default 1 for one output, its standard deviation for several.
+    of each output (in its unit); by default 1 for one output, its standard deviation for several, which `fit` replaces by
+    what the residuals show. `scale_sources` tells for every output who chose its scale.
     The cost is the mean of the squared scaled residuals, so that its root is the RMSE: over all samples
     with `balance` "samples", else ("recordings") of the means of the recordings, so that long ones count as short ones.
 
+    `initial_time` (s) lets the states of every recording begin before its first sample, under the inputs of `before`.
+    `clock_shift` frees by how much later than recorded inputs act, name -> bounds (s), as parameters clock_shift_NAME.
     `hold` tells for each input how it goes on between samples, "previous" (default) or "linear".
     `stepper` and `substeps` as in `Simulator`; substeps None lets `fit` choose them.
     """
@@ -55,21 +60,27 @@ class Problem:
         validate: Sequence[str] = (),
         scales: Mapping[str, float] | None = None,
         hold: Mapping[str, str] | None = None,
-        before: Mapping[str, float] | None = None,
+        before: Mapping[str, float | str] | None = None,
+        initial_time: float | None = None,
+        clock_shift: Mapping[str, tuple[float, float]] | None = None,
         balance: Literal["samples", "recordings"] = "samples",
         stepper: str = "exponential",
         substeps: int | None = None,
         name: str = "fit",
     ):
+        if clock_shift:
+            if not isinstance(model, Model):
+                raise SpaceError(f"clock_shift is for models that are simulated, and {model.name!r} is a regression; leave it out.")
+            model = with_clock_shift(model, clock_shift)
         self.model, self.name = model, name
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
-        self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs)
+        self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs, initial_time)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
-        self.scales = self._scales(scales)
+        self.scales, self.scale_sources = self._scales(scales)
         self.weights = self._weights(balance)
         self.smoothing = Smoothing.of(self.space, {t.name: t for t in getattr(model, "tables", ())}, self._spread())
 
@@ -110,8 +121,8 @@ class Problem:
         late = getattr(self.model, "state_delays", ())
         return {d.parameter: self.space.range(d.parameter)[1] for d in late}
 
-    def _scales(self, given: Mapping[str, float] | None) -> dict[str, float]:
-        result = {}
+    def _scales(self, given: Mapping[str, float] | None) -> tuple[dict[str, float], dict[str, ScaleSource]]:
+        result, sources = {}, dict.fromkeys(self.outputs, UNIT if len(self.outputs) == 1 else SPREAD)
         for output in self.outputs:
             y = np.concatenate([v for (_, o), v in self._measured.items() if o == output])
             result[output] = 1.0 if len(self.outputs) == 1 else max(float(np.std(y)), 1e-12)
@@ -120,8 +131,8 @@ class Problem:
                 raise SpaceError(f"scales names {output!r}, which is not one of the outputs {list(self.outputs)}.")
             if not (np.isfinite(scale) and scale > 0):
                 raise SpaceError(f"The scale of output {output!r} is {scale}; give a positive number in its unit.")
-            result[output] = float(scale)
-        return result
+            result[output], sources[output] = float(scale), GIVEN
+        return result, sources
 
     def _weights(self, balance: str) -> dict[str, float] | None:
         """How often the squares of each fitted recording count; None: once."""
@@ -148,9 +159,10 @@ class Problem:
         other.__dict__.update(changes)
         return other
 
-    def with_scales(self, scales: Mapping[str, float]) -> "Problem":
-        """The same problem with other scales of the outputs; compiled functions are kept."""
-        return self._variant(scales={**self.scales, **scales})
+    def with_scales(self, scales: Mapping[str, float], source: ScaleSource = GIVEN) -> "Problem":
+        """The same problem with other scales of some outputs, chosen by `source`; compiled functions are kept."""
+        sources = {**self.scale_sources, **dict.fromkeys(scales, source)}
+        return self._variant(scales={**self.scales, **scales}, scale_sources=sources)
 
     def with_smoothing(self, strengths: Mapping[tuple[str, str], float]) -> "Problem":
         """The same problem with other strengths of its smoothing, by parameter and signal (see `Smoothing.strengths`)."""
@@ -239,7 +251,7 @@ class Problem:
         else:
             numbers = functions.arguments(self._fit_drive, self.scales, self.data, self.weights)
         with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
-            return jax.tree.map(jnp.asarray, numbers)
+            return jax.device_put(numbers)
 
     @property
     def _functions(self) -> Direct | Batched | Mixed | Smoothed:
@@ -308,9 +320,21 @@ class Problem:
 
     def compressed(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (k,) and derivatives (k, d) in few rows: same mean square, gradient and Gauss-Newton matrix as the whole ones."""
+        return compressed(self.blocks(z), self.space.dimension)
+
+    def blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Residuals (m,), derivatives (m, q) and the q coordinates that they are by, of parts that have coordinates of their own.
+
+        The cost is the mean of the squares of all of them; of a regression they are few, as in `compressed`.
+        """
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        parts = [(np.asarray(r), np.asarray(j), own) for (r, j), own in zip(blocks, self._functions.local, strict=True)]
-        return compressed(parts, self.space.dimension)
+        return [(np.asarray(r), np.asarray(j), np.asarray(own)) for (r, j), own in zip(blocks, self._functions.local, strict=True)]
+
+    def once(self, key: str, make: Callable[[], Any]) -> Any:
+        """What `make` gives, made once for this problem and its variants of other scales, steps and strengths of smoothing."""
+        if key not in self._compiled:
+            self._compiled[key] = make()
+        return self._compiled[key]
 
     def gauss_newton_product(self, z: Any, v: Any) -> np.ndarray:
         """(2/m) J'J v (d,): the Gauss-Newton approximation of the cost's Hessian at a cube point, times a vector (d,)."""
@@ -367,11 +391,11 @@ class Problem:
         name = name or next(iter(self.experiments))
         if name not in self.experiments:
             raise RecordingError(f"There is no recording {name!r}; there are {list(self.experiments)}.")
-        p = self.space.tree(jnp.asarray(values), name)
+        p = self.space.tree(np.asarray(values), name)
         return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self._full[name]).items()}
 
 
-def _experiments(recordings, split, skip, validate, before, needs) -> dict[str, Experiment]:
+def _experiments(recordings, split, skip, validate, before, needs, initial_time=None) -> dict[str, Experiment]:
     if isinstance(recordings, Recording | Experiment):
         inner = recordings.recording if isinstance(recordings, Experiment) else recordings
         recordings = {inner.name: recordings}
@@ -391,6 +415,7 @@ def _experiments(recordings, split, skip, validate, before, needs) -> dict[str, 
                 if split is not None
                 else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
             )
-        history = {**{k: v for k, v in before.items()}, **given.before}
-        result[name] = replace(given, recording=in_units(given.recording, needs), before=history)
+        history = before_in_units(given.recording, {**before, **given.before}, needs)
+        begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
+        result[name] = replace(given, recording=in_units(given.recording, needs), before=history, initial_time=begin)
     return result

@@ -91,7 +91,7 @@ def _full(problem: Problem, name: str, n: int) -> tuple[list[np.ndarray], list[n
     """Per output the measured values (n,), 0 where not scored, and what is scored (n,)."""
     y, scored = [np.zeros(n) for _ in problem.outputs], [np.zeros(n, bool) for _ in problem.outputs]
     for i, output in enumerate(problem.outputs):
-        index = problem.data["index"][name][output]
+        index = problem.data["drive"][name].places(problem.data["index"][name][output])
         y[i][index], scored[i][index] = problem.data["measured"][name][output], True
     return y, scored
 

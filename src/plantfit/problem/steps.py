@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import qmc
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.simulate.steppers import ORDER
 
@@ -62,7 +63,7 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
     """The problem with steps halved until their error at the cube point z is under 3 % of the residual."""
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
-    rms = float(np.sqrt(np.mean(np.asarray(problem.residuals(z)) ** 2)))
+    rms = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
     while problem.predictor.stepping().substeps < FINEST and _scaled_error(problem, z) > FINE * rms:
         problem = problem.with_simulator(problem.predictor.stepping().refined(2))
     return problem
@@ -89,7 +90,7 @@ def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
     simulator = problem.predictor.stepping()
     q = 2.0 ** ORDER[simulator.stepper]
     fine = problem.with_simulator(simulator.refined(2))
-    return np.asarray(problem.residuals(z) - fine.residuals(z)) * q / (q - 1.0)
+    return (residuals(problem, z) - residuals(fine, z)) * q / (q - 1.0)
 
 
 class _HeldDelay(NamedTuple):
@@ -153,7 +154,7 @@ def _slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], side
     def slope(steps: Problem, side: float) -> np.ndarray:
         moved = values.copy()
         moved[list(places)] += side * width
-        return side * (np.asarray(steps.residuals(problem.space.cube(moved))) - np.asarray(steps.residuals(z)))
+        return side * (residuals(steps, problem.space.cube(moved)) - residuals(steps, z))
 
     shares = []
     for side in sides:

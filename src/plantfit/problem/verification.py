@@ -9,9 +9,11 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Drive
+from plantfit.simulate.tight import EVALUATIONS, Stopped, follow
 from plantfit.simulate.verify import check_steps
 
 FINEST = 256
+CLOSE = 0.01  # of the cost: how far the reported one may be from that of the tight solver
 
 
 @dataclass(frozen=True)
@@ -25,14 +27,16 @@ class Verified:
     samples: int
     substeps: int
     checked_with: str
+    refused: str | None = None  # where the tight solver could not follow, and what the state did there
 
 
 def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> list[Verified]:
-    """Compare with scipy's Radau (rtol 1e-9) at a cube point (d,); static and steady records have no steps and are left out.
+    """Compare with solvers of scipy (rtol 1e-9, see `simulate.tight`) over the whole of every recording at a cube point (d,).
+
+    Static and steady records have no steps and are left out.
 
     With a `tolerance` (unit of the outputs) the steps of each recording are halved until its largest error is below it, or
-    they are 256. Where Radau does not follow the model (resets, dry friction, backlash, late states) or fails,
-    the error is estimated by halving the steps.
+    they are 256. Events, dry friction, backlash and late states are followed too; where the solver cannot, `refused` says so.
     """
     values = problem.space.physical(np.asarray(z, dtype=float))
     found = []
@@ -47,13 +51,75 @@ def _of_recording(problem: Problem, name: str, p: Any, tolerance: float | None) 
     while True:
         simulator = variant.predictor.stepping()
         error = check_steps(simulator, p, variant.data["drive"][name])
-        if tolerance is None or max(error.max_error.values()) < tolerance or simulator.substeps >= FINEST:
+        if tolerance is None or error.stopped is not None or max(error.max_error.values()) < tolerance or simulator.substeps >= FINEST:
             count = error.last - error.first + 1
+            refused = None if error.stopped is None else error.stopped.sentence
             return [
-                Verified(name, o, error.max_error[o], error.rms_error[o], count, simulator.substeps, error.checked_with)
+                Verified(name, o, error.max_error[o], error.rms_error[o], count, simulator.substeps, error.checked_with, refused)
                 for o in problem.outputs
             ]
         variant = variant.with_simulator(simulator.refined(2))
+
+
+@dataclass(frozen=True)
+class CheckedCost:
+    """The cost of the data (mean square of the scaled residuals) as simulated, and by the tight solver over all fitted samples.
+
+    `stopped` maps recordings to where the solver could not follow them; `cost_checked` is then infinite.
+    """
+
+    cost_reported: float
+    cost_checked: float
+    stopped: dict[str, Stopped]
+    evaluations: int
+    samples: int  # compared: those reached with the evaluations allowed, of which both costs are
+
+    @property
+    def refused(self) -> str | None:
+        """One sentence where the answer exists in the integrator only."""
+        for name, stopped in self.stopped.items():
+            return f"The answer is refused: in recording {name}, {stopped.sentence}."
+        return None
+
+    @property
+    def off(self) -> float:
+        """How far the reported cost is from the checked one, as a share of it."""
+        return abs(self.cost_reported - self.cost_checked) / max(self.cost_checked, 1e-300) if np.isfinite(self.cost_checked) else np.inf
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the costs agree to 1 %; if not, the fit has to go on with finer steps, or is refused."""
+        return self.off <= CLOSE
+
+
+def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATIONS) -> CheckedCost:
+    """The cost at a cube point (d,) by an independent solver; static and steady records have no steps and count as they are.
+
+    `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs.
+    Of residuals that are nearly zero, 1 % of a cost is less than the solver's own tolerance; see `CheckedCost.off` for the number.
+    """
+    values = problem.space.physical(np.asarray(z, dtype=float))
+    reported = np.asarray(problem.residuals(z))
+    tight, begin, stopped, spent = reported.copy(), 0, {}, 0
+    for name, drive in problem.data["drive"].items():
+        moving = isinstance(drive, Drive) and problem.predictor.has_steps
+        found = None
+        if moving:
+            p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+            found = follow(problem.predictor.stepping(), p, drive, evaluations=evaluations)
+            spent += found.evaluations
+            if found.stopped is not None and not found.stopped.spent:
+                stopped[name] = found.stopped
+        weight = 1.0 if problem.weights is None else problem.weights[name]
+        for output in problem.outputs:
+            index, measured = problem.data["index"][name][output], problem.data["measured"][name][output]
+            if found is not None:
+                tight[begin : begin + len(index)] = np.sqrt(weight) * (found.outputs[output][index] - measured) / problem.scales[output]
+            begin += len(index)
+    known = np.isfinite(tight)
+    if stopped or not np.any(known):
+        return CheckedCost(float(np.mean(reported**2)), np.inf, stopped, spent, int(np.sum(known)))
+    return CheckedCost(float(np.mean(reported[known] ** 2)), float(np.mean(tight[known] ** 2)), stopped, spent, int(np.sum(known)))
 
 
 def point(problem: Problem, named: dict[str, float]) -> np.ndarray:

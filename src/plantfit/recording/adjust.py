@@ -8,7 +8,7 @@ import numpy as np
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.record import Recording
 from plantfit.recording.sampling import signal_of, with_signal
-from plantfit.units import factor_offset, parse
+from plantfit.units import difference_of, factor_offset, parse
 
 
 def detrend(recording: Recording, name: str, kind: Literal["mean", "linear"] = "mean") -> Recording:
@@ -25,7 +25,7 @@ def detrend(recording: Recording, name: str, kind: Literal["mean", "linear"] = "
     slope = float(np.polyfit(t[good] - middle, values[good], 1)[0]) if kind == "linear" else 0.0
     about = f"mean {level:g}" if kind == "mean" else f"line {level:g} {slope:+g} (t - {middle:g} s)"
     sentence = f"The {about} was subtracted from all {int(good.sum())} samples of {name!r}."
-    return with_signal(recording, name, values - (level + slope * (t - middle)), signal.unit, sentence)
+    return with_signal(recording, name, values - (level + slope * (t - middle)), difference_of(signal.unit), sentence)
 
 
 def subtract(recording: Recording, name: str, amount: float | str) -> Recording:
@@ -43,7 +43,9 @@ def subtract(recording: Recording, name: str, amount: float | str) -> Recording:
     else:
         values, about = _number(amount, f"subtract({name!r}): amount"), f"{amount:g}"
     sentence = f"{about} was subtracted from all {len(recording)} samples of {name!r}."
-    return with_signal(recording, name, signal.values - values, signal.unit, sentence)
+    # a number may correct a sensor, another signal leaves a difference
+    unit = difference_of(signal.unit) if isinstance(amount, str) else signal.unit
+    return with_signal(recording, name, signal.values - values, unit, sentence)
 
 
 def scale(recording: Recording, name: str, factor: float, unit: str | None = None) -> Recording:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import RecordingError
-from plantfit.units import DIMENSIONLESS, known
+from plantfit.units import DIMENSIONLESS, known, logarithmic
 
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>.*)\))\s*$")
 
@@ -83,7 +83,9 @@ def split_header(header: str) -> tuple[str, str | None]:
     unit = (found["square"] if found["square"] is not None else found["round"]).strip()
     if found["round"] is not None and unit in DIMENSIONLESS and unit != "-":
         return header.strip(), None
-    return (found["name"].strip(), unit) if known(unit) else (header.strip(), None)
+    if known(unit):
+        return found["name"].strip(), unit
+    return header.strip(), unit if logarithmic(unit) else None
 
 
 def identifier(name: str) -> str:

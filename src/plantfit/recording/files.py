@@ -11,6 +11,12 @@ from plantfit.recording.columns import close_match
 def existing(path: str | os.PathLike[str]) -> Path:
     """The path of a file that is there; raises RecordingError with close matches from its folder."""
     file = Path(path)
+    try:
+        file.lstat()
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:  # too long, a NUL, no right to look
+        raise RecordingError(f"File {str(file)!r:.200} cannot be read ({getattr(error, 'strerror', None) or error}).") from None
     if file.is_file():
         return file
     if file.is_dir():

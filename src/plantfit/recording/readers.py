@@ -1,15 +1,17 @@
 """One reader for all formats, chosen by the ending of the file name."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from plantfit.errors import RecordingError
+from plantfit.errors import PlantfitError, RecordingError
 from plantfit.recording.arrays import mat_table, npz_table, read_mat, read_npz
 from plantfit.recording.columns import Table
 from plantfit.recording.csv import csv_table, read_csv
 from plantfit.recording.files import existing
+from plantfit.recording.memory import free_memory, memory_needed
 from plantfit.recording.record import Recording
 from plantfit.recording.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
 
@@ -41,10 +43,34 @@ def read(path: str | os.PathLike[str], **options: Any) -> Recording:
     wrong = sorted(foreign & set(options))
     if wrong:
         raise RecordingError(f"{Path(path).name}: option {wrong[0]!r} does not apply to {suffix} files; leave it out.")
-    return reader(path, **options)
+    with _of(path):
+        return reader(path, **options)
 
 
 def table(path: str | os.PathLike[str], **options: Any) -> Table:
     """The columns of any file with a known ending, not yet interpreted."""
     _, (_, reader, _) = _entry(path)
-    return reader(path, **options)
+    with _of(path):
+        return reader(path, **options)
+
+
+@contextmanager
+def _of(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Refuse a file that the memory cannot hold, and say whatever a parser could not do with it as RecordingError."""
+    name = Path(path).name
+    needed, free = memory_needed(Path(path)), free_memory()
+    if free is not None and needed > free:
+        raise RecordingError(
+            f"{name}: reading it needs about {needed / 2**30:.1f} GiB of memory and {free / 2**30:.1f} GiB are free; "
+            "cut the file into parts, or keep only the columns that are used."
+        )
+    try:
+        yield
+    except (PlantfitError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except MemoryError as error:
+        raise RecordingError(f"{name}: the memory of this machine is not enough to read it; cut the file into parts.") from error
+    except BaseException as error:  # parsers of broken files raise nearly everything, that of polars a BaseException
+        first = (str(error).splitlines() or [""])[0][:200]
+        told = f"{name} cannot be read ({type(error).__name__}: {first}); check that the file is whole and of this kind."
+        raise RecordingError(told) from error

@@ -10,7 +10,7 @@ from plantfit.errors import Status
 from plantfit.report import comparison_tables as tables
 from plantfit.report.drawings import Drawings
 from plantfit.report.figures import comparison_answers, comparison_costs, comparison_curves
-from plantfit.report.schema import Findings, Parameter, Run, array
+from plantfit.report.schema import Findings, Number, Parameter, Run, SameModel, array
 from plantfit.report.sentences import listed
 from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
@@ -23,18 +23,23 @@ MEANS_NOTE = (
 )
 LEVELS = {"good": ("Shown", "✓"), "info": ("Note", "i"), "warning": ("Caution", "!")}
 FULL_TARGETS = 2  # target tables that stand open
+MOST_IMAGES = 24  # ways to write one answer that are looked at
 FEWEST_RUNS = 3  # runs from which the report of a study has a section on them
 
 
 def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
     """The section of a study's report; None for fewer than three runs, which tell nothing about a method.
 
-    Costs are those that the search ended with, before the best answer was polished.
+    Costs and parameters are those that the search ended with, before the runs were brought to the final problem.
     """
     if len(record.runs) < FEWEST_RUNS:
         return None
     coordinates = [p for p in record.parameters if _placed(p)]
-    runs = tuple(_run_record(r, coordinates) for r in record.runs)
+    symmetries = record.agreement.symmetries if record.agreement else []
+    best = min(record.runs, key=lambda r: float("inf") if r.cost is None else r.cost).parameters
+    own = [_folded(r.searched or r.parameters, best, symmetries, coordinates) for r in record.runs]
+    shown = [r.model_copy(update={"parameters": values}) for r, values in zip(record.runs, own, strict=True)]
+    runs = tuple(_run_record(r, coordinates) for r in shown)
     problem = ProblemRuns(record.name, runs, tuple(p.name for p in coordinates))
     found = section(compared([problem])["problems"][0], drawings, whole=False)
     many_methods = len({r.method for r in runs}) > 1
@@ -169,6 +174,33 @@ def _placed(p: Parameter) -> bool:
     if p.status == "fixed" or low is None or high is None or not high > low:
         return False
     return p.scale == "linear" or low > 0
+
+
+def _folded(
+    values: Mapping[str, Number], best: Mapping[str, Number], symmetries: Sequence[SameModel], coordinates: Sequence[Parameter]
+) -> Mapping[str, Number]:
+    """The values written as the best run's are: of all that exchanges and signs make the same model, those nearest to it."""
+
+    def distance(own: Mapping[str, Number]) -> float:
+        return max((abs(_place(p, own.get(p.name)) - _place(p, best.get(p.name))) for p in coordinates), default=0.0)
+
+    images = [values]
+    for _ in range(MOST_IMAGES):
+        fresh = [m for v in images for s in symmetries if (m := _image(v, s)) is not None and m not in images]
+        if not fresh or len(images) > MOST_IMAGES:
+            break
+        images += fresh
+    return min(images, key=distance)
+
+
+def _image(values: Mapping[str, Number], symmetry: SameModel) -> Mapping[str, Number] | None:
+    moved = dict(values)
+    for (name, source), sign in zip(symmetry.source.items(), symmetry.sign, strict=True):
+        value = values.get(source)
+        if value is None:
+            return None
+        moved[name] = sign * value
+    return moved
 
 
 def _run_record(run: Run, coordinates: Sequence[Parameter]) -> RunRecord:

@@ -1,8 +1,10 @@
 """One self-contained HTML file: styles, script, plotly and data inside, nothing loaded from elsewhere."""
 
 import os
+import re
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -40,17 +42,49 @@ def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
 
 
 def write_page(path: str | Path, text: str) -> Path:
-    """Write a report whole or not at all; StoreError when the folder is missing or cannot be written to."""
+    """Write a report whole or not at all; StoreError as `check_place` raises it, or when the disk is full."""
     path = Path(path)
-    if path.is_dir():
-        raise StoreError(f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}.")
-    if not path.parent.is_dir():
-        raise StoreError(f"The report cannot be written to {path}: the folder {path.parent} does not exist; create it first.")
+    check_place(path)
     try:
         _replace(path, text)
     except OSError as error:
         raise StoreError(f"The report could not be written to {path} ({error.strerror}); free space or choose another folder.") from None
     return path
+
+
+def check_place(path: Path) -> None:
+    """Raise StoreError where a report could not be written, or would be written over something that is none."""
+    try:
+        _check_place(path)
+    except (OSError, ValueError) as error:  # a name too long, a NUL in it, no right to look
+        reason = getattr(error, "strerror", None) or error
+        raise StoreError(f"The report cannot be written to {str(path)!r:.300} ({reason}); choose another name or folder.") from None
+
+
+def _check_place(path: Path) -> None:
+    with suppress(FileNotFoundError):
+        path.lstat()  # raises for what can be no name
+    if path.is_dir():
+        raise StoreError(f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}.")
+    if not path.parent.is_dir():
+        raise StoreError(f"The report cannot be written to {path}: the folder {path.parent} does not exist; create it first.")
+    if not os.access(path.parent, os.W_OK):
+        raise StoreError(f"The report cannot be written to {path}: you may not write to the folder {path.parent}; choose another folder.")
+    if (path.exists() or path.is_symlink()) and not is_report(path):
+        raise StoreError(f"The report is not written to {path}, which is not a report of plantfit; move that file, or choose another name.")
+
+
+def is_report(path: Path) -> bool:
+    """Whether a file is a page that plantfit wrote."""
+    if not path.is_file() or path.is_symlink():
+        return False
+    with path.open("rb") as file:
+        start = file.read(4096).decode(errors="replace").split("<style>")[0]
+    return _MARK in start or re.search(_TITLE_BEFORE_THE_MARK, start) is not None
+
+
+_MARK = '<meta name="generator" content="plantfit">'  # in templates/frame.html
+_TITLE_BEFORE_THE_MARK = r"^<!doctype html>[^\0]*<title>[^<]* \u00b7 plantfit (?:report|case|comparison)</title>"
 
 
 def render_html(findings: Mapping[str, Any]) -> str:
@@ -79,7 +113,7 @@ def _template(name: str) -> str:
 
 def _replace(path: Path, text: str) -> None:
     """Write beside the target, then rename: a reader never sees half a file."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".plantfit-", suffix=".part")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
@@ -107,6 +141,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "verdict": _verdict(record),
         "fits": _fits(record, drawings),
         "scores": tables.scores_table(record.scores),
+        "weights": tables.weights_table(record.weights) if record.weights else None,
         "no_validation": sentences.no_validation(record),
         "tests": [_test(test, drawings) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),

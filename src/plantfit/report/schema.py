@@ -124,6 +124,7 @@ class Parameter(_Record):
     scale: Literal["linear", "log"] = "linear"
     at_bound: Literal["lower", "upper"] | None = None
     status: str = "determined"
+    equal_answers: list[Number] | None = None  # from, to: over runs of the same cost, where these leave the interval
     uncertainty: StatedUncertainty | None = None
 
 
@@ -243,10 +244,12 @@ class Run(_Record):
     cost: Number = None
     rmse: Number = None
     status: str = ""
+    ended: str = ""
     evaluations: Number = None
     seconds: Number = None
     failures: int = 0
     parameters: dict[str, Number] = {}
+    searched: dict[str, Number] = {}  # the parameters that the search ended with, where they were moved since
     history: History = History()
 
 
@@ -255,6 +258,48 @@ class Basin(_Record):
     runs: int
     share: Number = None
     parameters: dict[str, Number] = {}
+
+
+class DistinctAnswer(_Record):
+    runs: int
+    parameters: dict[str, Number] = {}
+
+
+class SameModel(_Record):
+    """A map between answers that are one model: parameter `name` takes the value of `source[name]`, times its `sign`."""
+
+    sentence: str
+    source: dict[str, str] = {}
+    sign: list[int] = []
+
+
+class Agreement(_Record):
+    """Runs whose own search, run to its end on the final problem, reaches the lowest cost; `spent`: cut by their budget."""
+
+    runs: int
+    agree: int
+    cost: Number = None
+    spent: int = 0
+    spent_and_searched: int = 0
+    spent_and_agree: int = 0
+    cut: int = 0
+    left: int = 0
+    ended: str = ""
+    ranges: dict[str, list[Number]] = {}  # of each parameter over runs of the lowest cost, exchanged terms aside
+    answers: list[DistinctAnswer] = []
+    symmetries: list[SameModel] = []
+
+
+class Weight(_Record):
+    """The residual of an output that counts as 1, in its unit, and `who` chose it in words."""
+
+    output: str
+    unit: str | None = None
+    scale: Number
+    chosen: Literal["given", "unit", "spread", "residuals"]
+    who: str = ""
+    rounds: int = 0
+    settled: bool = True
 
 
 class SimulatedOutput(_Record):
@@ -269,6 +314,9 @@ class Simulation(_Record):
     substeps: Any = None
     recording: str = ""
     checked_with: str = ""
+    checked_samples: int | None = None
+    samples: int | None = None
+    refused: str = ""
     outputs: dict[str, SimulatedOutput] = {}
 
 
@@ -294,6 +342,8 @@ class Findings(_Record):
     combinations: list[Combination] = []
     runs: list[Run] = []
     basins: list[Basin] = []
+    agreement: Agreement | None = None
+    weights: list[Weight] = []
     simulation: Simulation | None = None
     reproduction: Reproduction | None = None
 

@@ -50,6 +50,19 @@ def run_status(status: str) -> str:
     return Status(status).sentence if status in Status.__members__ else status
 
 
+_ENDED = {
+    "searched": "A local search from there came to its end.",
+    "same point": "It shares the local search of a run that ended at the same point.",
+    "cut": "A local search from there was cut.",
+    "left": "No local search went on from there.",
+}
+
+
+def run_end(ended: str) -> str:
+    """How a run was brought to the final problem; empty if it was not."""
+    return _ENDED.get(ended, ended)
+
+
 def whiteness(test: ResidualTest) -> str:
     """Whether the residuals of one output still hold a pattern."""
     small = test.p_value is not None and test.p_value < 1e-6

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
-from plantfit.report.schema import Basin, Number, Parameter, Run, Score, Simulation
-from plantfit.report.sentences import listed, parameter_status, run_status, share
+from plantfit.report.schema import Basin, Number, Parameter, Run, Score, Simulation, Weight
+from plantfit.report.sentences import listed, parameter_status, run_end, run_status, share
 
 MOST_RUNS = 200
 MOST_NAMES = 8  # columns of parameters
@@ -68,7 +68,7 @@ def runs_table(runs: list[Run]) -> Table:
             str(r.run),
             significant(r.cost, 6),
             significant(r.rmse, 4),
-            run_status(r.status),
+            " ".join(filter(None, (run_status(r.status), run_end(r.ended)))),
             count(r.evaluations),
             count(r.failures),
             seconds(r.seconds),
@@ -78,6 +78,12 @@ def runs_table(runs: list[Run]) -> Table:
     cut = f": the {MOST_RUNS} lowest of {len(runs)}" if len(runs) > MOST_RUNS else ""
     head = ("method", "run", "final cost", "RMSE", "how it ended", "evaluations", "failed simulations", "time")
     return Table(f"Runs, lowest cost first{cut}", head, rows, frozenset({1, 2, 3, 5, 6, 7}))
+
+
+def weights_table(weights: list[Weight]) -> Table:
+    """The residual of every output that counts as 1 in the cost, and who chose it."""
+    rows = tuple((w.output, quantity(w.scale, w.unit), w.who) for w in weights)
+    return Table("Weights: residuals that count as 1", ("output", "residual that counts as 1", "how it was chosen"), rows, frozenset({1}))
 
 
 def basins_table(basins: list[Basin]) -> Table:

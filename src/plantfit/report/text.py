@@ -7,7 +7,7 @@ from typing import Any
 from plantfit.report.numbers import interval, plus_minus, significant
 from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
-from plantfit.report.tables import Table, statuses
+from plantfit.report.tables import Table, statuses, weights_table
 from plantfit.report.uncertainty_tables import budgets_of, widened_table
 
 WIDTH = 100
@@ -18,6 +18,7 @@ def summary_text(findings: Mapping[str, Any]) -> str:
     record = read_findings(findings)
     blocks = [f"{_line(record.name)}\n{textwrap.fill(_line(subtitle(record)), WIDTH)}", _verdict(record)]
     blocks += [_scores(record.scores), no_validation(record) if record.recordings else ""]
+    blocks.append(_grid(weights_table(record.weights)) if record.weights else "")
     blocks.append(_parameters([p for p in record.parameters if not p.index]))
     blocks.append(_tables(record))
     blocks.append(_uncertainty(record))

@@ -12,7 +12,7 @@ from plantfit.simulate.grid import merge
 from plantfit.simulate.intervals import MOST_EDGES, Row, sensitivities, substeps, summed
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.schedule import Chunks
-from plantfit.simulate.simulator import Simulator
+from plantfit.simulate.simulator import Simulator, exact_ends
 
 import jax
 import jax.numpy as jnp
@@ -198,7 +198,7 @@ class Batch:
             v, s, origin = (jnp.take(a, index) for a in pieces[:3])
             at.append(v + s * (chunk.t[1:] - delay - origin))
         u0.append(steps.start)
-        u1.append(end)
+        u1.append(exact_ends(steps.start, end) if self.simulator.vector.timed_events else end)
         varying = self.simulator.varying
         return (tuple(u0), tuple(u1) if varying else None, steps.length), steps.rank, (*at, chunk.t[1:])
 

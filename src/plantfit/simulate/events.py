@@ -10,11 +10,12 @@ for every step what a step with events costs, some ten plain steps.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.events import Backlash, Event, Friction
+from plantfit.simulate.times import fixed, moment, straight, timed
 from plantfit.simulate.vector import Scalars, VectorModel
 
 import jax
@@ -30,11 +31,18 @@ NEAR = 1e-9  # of a step's travel: the start of a step counts as on the surface
 
 @dataclass(frozen=True, eq=False)
 class Trigger:
-    """An `Event` on tuples of scalars; `sign` +1 falling, -1 rising, 0 both."""
+    """An `Event` on tuples of scalars; `sign` +1 falling, -1 rising, 0 both.
+
+    `timed` events depend on time alone, `straight` ones among these are straight lines in time, `fixed` ones depend on no
+    parameter (see `times`).
+    """
 
     when: Function
     then: Function
     sign: int
+    timed: bool = False
+    straight: bool = False
+    fixed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +70,11 @@ def bind_event(event: Event, vector: VectorModel) -> Trigger:
     if event.direction not in signs:
         raise ModelError(f"Event {event.name!r} has direction {event.direction!r}; use one of {list(signs)}.")
     what = f"event {event.name!r}"
-    return Trigger(_scalar(event.when, vector), _changed(event.then, vector, what, lambda x: x), signs[event.direction])
+    when = _scalar(event.when, vector)
+    by_time = timed(when, vector)
+    line = by_time and straight(when, vector)
+    then = _changed(event.then, vector, what, lambda x: x)
+    return Trigger(when, then, signs[event.direction], by_time, line, by_time and fixed(when, vector))
 
 
 def bind_friction(friction: Friction, vector: VectorModel) -> DryFriction:
@@ -82,25 +94,43 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
 
     The state is NaN when yet another crossing follows, so take shorter steps or raise `most`; events that pile up
     without end (a ball coming to rest) must be ended by the model: let `then` stop what has become slow. A pair of
-    crossings of one surface within a step is not seen.
+    crossings of one surface within a step is not seen. Events at a straight line in time are followed however many there are,
+    exactly, and those that meet in one moment all happen, in their order.
     """
+    by_time = any(e.timed for e in events)
+    # steps end at moments that are known beforehand, so that these meet in one
+    most = most + sum(e.straight and not e.fixed for e in events) + any(e.straight and e.fixed for e in events)
 
     def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
-        inner = partial(step, pattern=pattern)
+        inner, whole = partial(step, pattern=pattern), h
+
+        def found_crossing(e, x, u0, h):
+            near = NEAR * whole / jnp.where(h == 0.0, 1.0, h)  # as a share of what is left of the step
+            falling = _falling(e, rate, x, u0, u1, h, p, near)
+            # the states need not be moved to see what depends on time alone
+            moved = (lambda rate, x, *_: x) if e.timed else inner
+            return _crossing(moved, rate, falling, x, u0, u1, h, p, varying, near, by_time=by_time)
 
         def segment(carry, last):
             x, u0, h = carry
-            found = [_crossing(inner, rate, _falling(e, rate, x, u0, u1, h, p), x, u0, u1, h, p, varying) for e in events]
+            moments = [_moment(e, x, u0, u1, h, p) if e.straight else None for e in events]
+            found = [found_crossing(e, x, u0, h) if m is None else (m.passed, m.share) for e, m in zip(events, moments, strict=True)]
             first, chosen = jnp.full_like(h, 2.0), jnp.full_like(h, -1.0)
             for k, (crossed, share) in enumerate(found):
                 sooner = crossed & (share < first)
                 first, chosen = jnp.where(sooner, share, first), jnp.where(sooner, k, chosen)
             happens = first <= 1.0
             share = jnp.where(happens & ~last, first, 1.0)
-            at = _between(u0, u1, share, varying)
+            at = _between(u0, u1, share, varying, by_time)
+            # the moment itself, so that what comes after begins behind it
+            now = at[-1]
+            for k, m in enumerate(moments):
+                now = now if m is None else jnp.where((chosen == k) & ~last, m.time, now)
+            at = (*at[:-1], now)
             x = inner(rate, x, u0, at, share * h, p, varying)
-            for k, event in enumerate(events):
-                x = _where((chosen == k) & ~last, event.then(x, at, p), x)
+            for k, (event, m) in enumerate(zip(events, moments, strict=True)):
+                happening = chosen == k if m is None else m.passed & happens & (m.time == now)
+                x = _where(happening & ~last, event.then(x, at, p), x)
             x = tuple(jnp.where(happens & last, jnp.nan, v) for v in x)
             return (x, at, (1.0 - share) * h), None
 
@@ -194,12 +224,33 @@ def _segments(segment, most, x, u0, h, *more):
     return jax.lax.scan(needed, carry, jnp.arange(most + 1) == most)[0]
 
 
-def _crossing(step, rate, g, x, u0, u1, h, p, varying):
-    """Whether g falls through zero within the step, and at which share of it (differentiable; 1 where not)."""
+class _Moment(NamedTuple):
+    """When a straight line in time passes zero, whether that is within the step, and at which share of it (1 where not)."""
+
+    time: Any
+    passed: Any
+    share: Any
+
+
+def _moment(event, x, u0, u1, h, p):
+    time, slope = moment(event.when, u0, p, x)
+    begin, end = u0[-1], u1[-1]
+    turned = slope != 0.0 if event.sign == 0 else -event.sign * slope > 0.0
+    passed = turned & (begin < time) & (time <= end) & (h != 0.0)
+    share = (time - begin) / jnp.where(passed, end - begin, 1.0)
+    return _Moment(time, passed, jnp.where(passed, share, 1.0))
+
+
+def _crossing(step, rate, g, x, u0, u1, h, p, varying, near=None, *, by_time=False):
+    """Whether g falls through zero within the step, and at which share of it (differentiable; 1 where not).
+
+    With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes it, so that
+    rounding lets no crossing happen twice or never.
+    """
     fixed = jax.lax.stop_gradient((x, u0, u1, h, p))
 
     def along(share, x, u0, u1, h, p):
-        u = _between(u0, u1, share, varying)
+        u = _between(u0, u1, share, varying, by_time)
         return g(step(rate, x, u0, u, share * h, p, varying), u, p)
 
     def slope(x, u, h, change, p):
@@ -215,8 +266,12 @@ def _crossing(step, rate, g, x, u0, u1, h, p, varying):
     one = jnp.ones_like(g0)
     g1, travel1 = located(one)
     # a start on the surface, moving off it, is a root that must not be found again
-    on_surface = (jnp.abs(g0) <= NEAR * jnp.abs(travel0)) & (travel0 > 0.0)
+    at_start = jnp.abs(g0) <= (NEAR if near is None else near) * jnp.abs(travel0)
+    on_surface = at_start & (travel0 > 0.0)
     crossed = ((g0 > 0.0) | on_surface) & (g1 <= 0.0) & ((g1 < 0.0) | (travel1 < 0.0))
+    if near is not None:
+        at_end = (g0 > 0.0) & (g1 > 0.0) & (g1 <= near * jnp.abs(travel1)) & (travel1 < 0.0)
+        crossed = (crossed | at_end) & ~(at_start & (travel0 < 0.0)) & (h != 0.0)
 
     def corrected(_, bracket):
         low, share, high = bracket
@@ -257,19 +312,26 @@ def _root_of_cubic(g0, d0, g1, d1, on_surface):
     return 0.5 * (low + high)
 
 
-def _falling(event, rate, x, u0, u1, h, p):
+def _falling(event, rate, x, u0, u1, h, p, share):
     """The event's function, turned so that the crossing asked for is a falling one."""
     if event.sign:
         return lambda x, u, p: event.sign * event.when(x, u, p)
     moves = tuple(h * f for f in rate(x, u0, p)), tuple(b - a for a, b in zip(u0, u1, strict=True))
     value, travel = jax.jvp(lambda x, u: event.when(x, u, p), (x, u0), moves)
-    near = jnp.abs(value) <= NEAR * jnp.abs(travel)
+    near = jnp.abs(value) <= share * jnp.abs(travel)
     sign = jax.lax.stop_gradient(jnp.sign(jnp.where(near, travel, value)))
     return lambda x, u, p: sign * event.when(x, u, p)
 
 
-def _between(u0, u1, share, varying):
-    return tuple(a + share * (b - a) for a, b in zip(u0, u1, strict=True)) if varying else u0
+def _between(u0, u1, share, varying, by_time=False):
+    """The inputs at a share of the step; `by_time` has the time at its end to the last bit, so that no moment is seen twice or never."""
+    if not varying:
+        return u0
+    u = tuple(a + share * (b - a) for a, b in zip(u0, u1, strict=True))
+    if not by_time:
+        return u
+    rounding = jax.lax.stop_gradient(jnp.where(share == 1.0, u1[-1] - u[-1], 0.0))
+    return (*u[:-1], u[-1] + rounding)
 
 
 def _where(condition, yes, no):

@@ -57,7 +57,11 @@ def substeps(simulator: Simulator) -> Callable:
         h = h / m
 
         def between(share):
-            return u0 if u1 is None else tuple(a + (b - a) * share for a, b in zip(u0, u1, strict=True))
+            if u1 is None:
+                return u0
+            u = tuple(a + (b - a) * share for a, b in zip(u0, u1, strict=True))
+            # time ends where the next interval begins, to the last bit
+            return (*u[:-1], jnp.where(share == 1.0, u1[-1], u[-1])) if vector.timed_events else u
 
         def one(j, x):
             return part(p, x, between(j / m), None if u1 is None else between((j + 1) / m), h)

@@ -16,18 +16,20 @@ from plantfit.simulate.linear import exact_step
 from plantfit.simulate.rollout import make_rollout
 from plantfit.simulate.steppers import STEPPERS
 from plantfit.simulate.structure import is_linear
+from plantfit.simulate.times import known_times
 from plantfit.simulate.vector import VectorModel, vectorise
 
 import jax
 import jax.numpy as jnp
 
 EXACT = "exact"
+EARLY = 1000  # steps before the first sample, at most; as many as the record has samples where these are more
 
 
 class Drive(NamedTuple):
     """The numbers of one recording that a simulation needs; a pytree, passed rather than compiled in."""
 
-    t: Any  # (N,) s
+    t: Any  # (N,) s: the samples, and times before or between them at which steps have to end
     value: tuple[Any, ...]  # per input (N,)
     slope: tuple[Any, ...]  # per input (N,), 1/s
     delayed: tuple[Pieces, ...]  # per delayed channel
@@ -35,6 +37,11 @@ class Drive(NamedTuple):
     first_output: tuple[Any, ...]  # per output, first measured value or nan
     jumps: Any = None  # (E,) s where held inputs jump; only for models with state delays
     ring: Any = None  # (slots,): as many past steps are kept for state delays
+    samples: Any = None  # (n,) places of the samples among the times; None: every time is a sample
+
+    def places(self, index: np.ndarray) -> np.ndarray:
+        """Places among the times of samples by their number."""
+        return index if self.samples is None else np.asarray(self.samples)[index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +118,12 @@ class Simulator:
         before: Mapping[str, float] | None = None,
         measured: Mapping[str, np.ndarray] | None = None,
         longest: Mapping[str, float] | None = None,
+        initial_time: float | None = None,
     ) -> Drive:
         """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first value).
+
+        The states begin at `initial_time` (s), by default at t[0]; until t[0] the inputs are those `before`. Times known beforehand
+        (see `times`) become times of the drive.
 
         `measured` outputs are used only for `initial_state`, through their first value that is not missing. `longest` gives
         the largest value (s) of every parameter that delays a state.
@@ -120,6 +131,7 @@ class Simulator:
         before, measured = dict(before or {}), dict(measured or {})
         model = self.vector.model
         t = np.asarray(t, dtype=float)
+        times, samples = self._times(t, initial_time)
         value: list[np.ndarray] = []
         slope: list[np.ndarray] = []
         history: dict[str, float] = {}
@@ -133,23 +145,47 @@ class Simulator:
                     f"Input {name!r} is missing at sample {k} ({t[k]:g} s); "
                     "an input needs a value everywhere: fill its gaps or cut the recording there."
                 )
+            history[name] = float(before[name]) if name in before else float(u[0])
             v, s = sampled_pieces(t, u, self._hold(name))
+            v, s = (v, s) if samples is None else _between_samples(times, t, v, s, history[name])
             value.append(v)
             slope.append(s)
-            history[name] = float(before[name]) if name in before else float(u[0])
         delayed = tuple(
             delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input]) for d in model.delays
         )
         # a state's own past is no input: whoever starts from it gets a missing value
         late = [np.nan for _ in model.state_delays]
-        first = [*(v[0] for v in value), *(history[d.input] for d in model.delays), *late, t[0]]
+        first = [*(v[0] for v in value), *(history[d.input] for d in model.delays), *late, times[0]]
         seen = []
         for name in model.outputs:
             y = np.asarray(measured.get(name, [np.nan]), dtype=float)
             finite = y[np.isfinite(y)]
             seen.append(finite[0] if len(finite) else np.nan)
-        jumps, ring = self._history(t, value, longest or {})
-        return Drive(t, tuple(value), tuple(slope), delayed, tuple(float(v) for v in first), tuple(float(v) for v in seen), jumps, ring)
+        jumps, ring = self._history(times, value, longest or {})
+        first, seen = (tuple(float(v) for v in values) for values in (first, seen))
+        return Drive(times, tuple(value), tuple(slope), delayed, first, seen, jumps, ring, samples)
+
+    def _times(self, t: np.ndarray, initial_time: float | None) -> tuple[np.ndarray, np.ndarray | None]:
+        """The times at which steps end, and the places of the samples among them; None where they are the samples."""
+        early = np.zeros(0)
+        if initial_time is not None and initial_time != t[0]:
+            if not initial_time < t[0]:
+                raise SimulationError(
+                    f"initial_time = {initial_time:g} s is not before the first sample at {t[0]:g} s; give a time before it, on the "
+                    "recording's own axis, or leave it out."
+                )
+            pace = float(np.median(np.diff(t))) if len(t) > 1 else t[0] - initial_time
+            count = min(int(np.ceil((t[0] - initial_time) / pace)), max(len(t), EARLY))
+            early = np.linspace(initial_time, t[0], count + 1)[:-1]
+        begun = np.concatenate([early, t])
+        known = known_times(self.vector, begun)
+        if len(known):  # what lies at a sample but for rounding needs no step of its own
+            nearest = np.min(np.abs(known[:, None] - begun), axis=1)
+            known = known[nearest > 1e-9 * np.median(np.diff(begun))]
+        if not len(early) and not len(known):
+            return t, None
+        times = np.sort(np.concatenate([begun, known]))
+        return times, np.searchsorted(times, t)
 
     def _history(self, t: np.ndarray, values: list[np.ndarray], longest: Mapping[str, float]) -> tuple[Any, Any]:
         """Jumps of held inputs, and an array as long as the history that state delays need; None without such."""
@@ -168,23 +204,24 @@ class Simulator:
         return Held.LINEAR if name in self.interpolated else Held.PREVIOUS
 
     def outputs(self, p: Mapping[str, Any], drive: Drive) -> dict[str, Any]:
-        """Every output at every sample, name -> (N,)."""
+        """Every output at every sample, name -> (n,)."""
         vector = self.vector
         y = jax.vmap(vector.output, in_axes=(0, 0, None))(*self.trajectories(p, drive), self.positional(p))
         return dict(zip(vector.outputs, y, strict=True))
 
     def trajectories(self, p: Mapping[str, Any], drive: Drive) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        """Every state and every channel of the model at every sample, two tuples of (N,)."""
+        """Every state and every channel of the model at every sample, two tuples of (n,)."""
         late_states = bool(self.vector.model.state_delays)
         x, late = self._states_with_history(p, drive) if late_states else (self.states(p, drive), ())
-        return x, self.channels(p, drive, late)
+        found = x, self.channels(p, drive, late)
+        return found if drive.samples is None else jax.tree.map(lambda a: jnp.take(a, drive.samples), found)
 
     def channels(self, p: Mapping[str, Any], drive: Drive, late_states: tuple[Any, ...] = ()) -> tuple[Any, ...]:
-        """Every channel of the model at every sample, a tuple of (N,): inputs, late inputs, `late_states`, time."""
+        """Every channel of the model at every time, a tuple of (N,): inputs, late inputs, `late_states`, time."""
         return (*drive.value, *self._late_inputs(p, drive), *late_states, drive.t)
 
     def states(self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
-        """Every state at every sample, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
+        """Every state at every time of the drive, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
 
         Models with late states always begin at `initial`.
         """
@@ -194,7 +231,7 @@ class Simulator:
             return self._states_with_history(p, drive)[0]
         steps, z = self.steps(p, drive)
         x0 = self.initial(p, drive.first_input, drive.first_output) if x0 is None else x0
-        later = _rollout(self)(self.positional(p), x0, _divided(z, self.substeps))
+        later = _rollout(self)(self.positional(p), x0, _divided(z, self.substeps, self.vector.timed_events))
         fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
         return tuple(jnp.take(x, steps.rank * self.substeps) for x in fine)
 
@@ -266,7 +303,7 @@ class Simulator:
             at_start.append(v + s * (steps.start - delay - origin))
             at_end.append(v + s * (end - delay - origin))
         at_start.append(steps.start)
-        at_end.append(end)
+        at_end.append(exact_ends(steps.start, end) if self.vector.timed_events else end)
         return steps, (tuple(at_start), tuple(at_end), steps.length)
 
     def _late_inputs(self, p, drive: Drive):
@@ -278,8 +315,20 @@ class Simulator:
             yield v + s * (late - origin)
 
 
-def _divided(z, m: int):
-    """Every step in m equal parts, the inputs linear inside."""
+def exact_ends(start: Any, end: Any) -> Any:
+    """Ends (K,) of steps as the starts of those that follow, so that no moment falls between two steps or into both."""
+    return jnp.concatenate([start[1:], end[-1:]])
+
+
+def _between_samples(times, t, value, slope, before):
+    """Value and slope (N,) at `times`, of those (n,) at the samples `t`; `before` the first."""
+    k = np.maximum(np.searchsorted(t, times, side="right") - 1, 0)
+    early = times < t[0]
+    return np.where(early, before, value[k] + slope[k] * (times - t[k])), np.where(early, 0.0, slope[k])
+
+
+def _divided(z, m: int, timed: bool = False):
+    """Every step in m equal parts, the inputs linear inside; `timed`: the last of them, time, without a gap between parts."""
     if m == 1:
         return z
     start, end, length = z
@@ -290,6 +339,8 @@ def _divided(z, m: int):
 
     begins = tuple(between(a, b, 0.0) for a, b in zip(start, end, strict=True))
     ends = tuple(between(a, b, 1.0 / m) for a, b in zip(start, end, strict=True))
+    if timed:
+        ends = (*ends[:-1], exact_ends(begins[-1], end[-1]))
     return begins, ends, jnp.repeat(length / m, m)
 
 

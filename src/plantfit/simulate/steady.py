@@ -36,7 +36,7 @@ def steady_states(vector: VectorModel, u: Scalars, p: Scalars, guess: Scalars) -
     answer are NaN, also those where the rate leaves a state free (the angle of a motor). Derivatives by `u` and `p` are
     exact in both modes, none flows through `guess`. Raises ModelError for a model whose rate depends on time.
     """
-    if vector.uses_time:
+    if vector.rate_uses_time:
         raise ModelError(
             f"Model {vector.model.name!r} never rests, because its rate depends on the time t; remove t or use records in time."
         )

@@ -35,7 +35,9 @@ class VectorModel:
     parameters: tuple[str, ...]
     rate: Callable[[Scalars, Scalars, Scalars], Scalars]
     output: Callable[[Scalars, Scalars, Scalars], Scalars]
-    uses_time: bool
+    uses_time: bool  # whether anything that moves the states reads t: rates, events, friction, play
+    rate_uses_time: bool
+    timed_events: bool  # whether the moment of an event depends on time alone (see `simulate.times`)
     pattern: tuple[tuple[bool, ...], ...]  # [i][j]: whether the rate of state i depends on state j
 
 
@@ -68,7 +70,18 @@ def vectorise(model: Model) -> VectorModel:
     reads = dependencies(rate, *given)
     pattern = tuple(tuple(j in row for j in range(len(states))) for row in reads)
     time = len(states) + len(channels) - 1
-    return VectorModel(model, states, channels, outputs, parameters, rate, output, any(time in row for row in reads), pattern)
+    in_rate = any(time in row for row in reads)
+    guards = [e.when for e in model.events]
+    declared = [*guards, *(e.then for e in model.events)]
+    declared += [f for law in model.frictions for f in (law.sliding, law.breakaway, law.effect)]
+    declared += [f for play in model.backlashes for f in (play.drive, play.gap)]
+
+    def sources(function):
+        return set().union(*dependencies(lambda x, u, p: function(*named(x, u, p)), *given))
+
+    used = in_rate or any(time in sources(f) for f in declared)
+    timed = any(time in (s := sources(g)) and s.isdisjoint(range(time)) for g in guards)
+    return VectorModel(model, states, channels, outputs, parameters, rate, output, used, in_rate, timed, pattern)
 
 
 def _leaves_a_branch(function: Callable, given: tuple[Scalars, ...]) -> bool:

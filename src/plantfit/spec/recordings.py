@@ -1,6 +1,7 @@
 """The recordings of a study file: read, cleaned step by step, divided into fitted and unseen."""
 
 import difflib
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from plantfit import recording as rec
 from plantfit.errors import SpecError
 from plantfit.problem import Experiment, split
 from plantfit.recording.unmeasured import unmeasured
+from plantfit.spec.limits import check_step
 from plantfit.spec.tables import RecordingTable
 
 CLEANING = (
@@ -42,11 +44,15 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
                 f"{f'did you mean {near[0]!r}? ' if near else ''}Known steps: {', '.join(CLEANING)}."
             )
         try:
-            record = getattr(rec, kind)(record, **arguments)
-        except TypeError as error:
-            raise SpecError(
-                f"{path.name}: recording.{name}.clean[{i}] ({kind}): {str(error).removeprefix(f'{kind}() ')}; see docs/recordings.md."
-            ) from None
+            function = getattr(rec, kind)
+            names = inspect.signature(function).parameters
+            if "signal" in arguments and "signal" not in names and "name" in names:  # what study files call the name of a signal
+                arguments["name"] = arguments.pop("signal")
+            check_step(arguments, len(record), f"{path.name}: recording.{name}.clean[{i}] ({kind})")
+            record = function(record, **arguments)
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
+            told = (str(error).splitlines() or [type(error).__name__])[0].removeprefix(f"{kind}() ")
+            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told[:200]}; see docs/recordings.md.") from error
     return unmeasured(record, r.unmeasured) if r.unmeasured else record
 
 
@@ -56,7 +62,7 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")
         cut = split(record, r.split, r.skip)
-        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors)
+        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
@@ -73,4 +79,4 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
         raise SpecError(
             f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
         )
-    return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors)
+    return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)

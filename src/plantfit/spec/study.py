@@ -9,12 +9,14 @@ from pathlib import Path
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
 from plantfit.models import equations, library
+from plantfit.models.clock_shift import shift_name
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.filter_alike import filter_alike
 from plantfit.space import Parameter
+from plantfit.spec.limits import check_problem, check_tables
 from plantfit.spec.recordings import experiment_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable, validated
 from plantfit.spec.uncertainty import errors_of
@@ -47,15 +49,17 @@ def load(path: str | Path) -> Study:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
         raise SpecError(
             f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
             "`plantfit init RECORDING.csv`."
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SpecError(f"The study file {str(path)!r} cannot be read: {error}.") from None
+    except UnicodeDecodeError as error:
+        raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
+    except (OSError, ValueError) as error:
+        raise SpecError(f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights.") from None
     return parse(text, path)
 
 
@@ -63,6 +67,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     """The same from a text; recordings are looked for beside `path`, or where `files` says."""
     path = Path(path)
     table = validated(text, path)
+    check_tables(table, path)
     model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
     if table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
@@ -74,10 +79,12 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
             scales=table.scales,
             balance=table.balance,
             hold=table.model.hold,
+            clock_shift=table.model.clock_shift,
             stepper=table.simulation.stepper,
             substeps=table.simulation.substeps,
             name=table.name,
         )
+        check_problem(problem, table, path)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
     return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
 
@@ -116,6 +123,10 @@ def _naming(place: str) -> Iterator[None]:
     except PlantfitError as error:
         error.args = (f"{place}: {error}",)
         raise
+    except RecursionError:
+        raise SpecError(f"{place}: something is nested too deeply; write it with fewer brackets.") from None
+    except (OverflowError, MemoryError) as error:
+        raise SpecError(f"{place}: a number or a table is too large ({error}); correct it there.") from None
 
 
 def _from_text(table: SpecTable) -> Model:
@@ -124,6 +135,7 @@ def _from_text(table: SpecTable) -> Model:
     parameters = {
         n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}
         for n, p in table.parameters.items()
+        if n not in {shift_name(s) for s in m.clock_shift}
     }
     return equations(
         m.equations or "",

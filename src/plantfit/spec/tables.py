@@ -16,7 +16,11 @@ class _Table(BaseModel):
 
 
 def _names(value: Any) -> Any:
-    return {n: None for n in value} if isinstance(value, list) else value
+    if not isinstance(value, list):
+        return value
+    if not all(isinstance(n, str) for n in value):
+        raise ValueError('write names as text, as in ["u"], or a table of names and units')
+    return {n: None for n in value}
 
 
 def _numbers(value: Any) -> Any:
@@ -24,8 +28,11 @@ def _numbers(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(_numbers(v) for v in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{value!r} is not a number")
-    return float(value)
+        raise ValueError(f"{shown_value(value)} is not a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError("a number is beyond the range of float64") from None
 
 
 def _by_name(value: Any) -> Any:
@@ -51,7 +58,8 @@ class RecordingTable(_Table):
     validate_: Pair | Literal[True] | None = Field(None, alias="validate")
     split: float | None = Field(None, gt=0, lt=1)
     skip: float = Field(0.0, ge=0)
-    before: dict[str, float] = {}
+    before: dict[str, float | str] = {}
+    initial_time: float | None = None
     steady: bool = False
     shared_errors: dict[str, str] = {}
     unmeasured: list[str] = []
@@ -87,6 +95,7 @@ class ModelTable(_Table):
     constants: dict[str, float | str] = {}
     tables: dict[str, TableTable] = {}
     hold: dict[str, Literal["previous", "linear"]] = {}
+    clock_shift: dict[str, Pair] = {}
     filter_alike: AlikeTable | None = None
     check_units: bool = True
 
@@ -105,7 +114,7 @@ class ParameterTable(_Table):
 
 class SimulationTable(_Table):
     stepper: Literal["exponential", "rosenbrock", "rk4", "exact"] = "exponential"
-    substeps: Annotated[int, Field(ge=1)] | None = None
+    substeps: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
 
 
 class SearchTable(_Table):
@@ -134,7 +143,7 @@ class UncertaintyTable(_Table):
 
 
 class PropagationTable(_Table):
-    draws: Annotated[int, Field(ge=20)] | None = None
+    draws: Annotated[int, Field(ge=20, le=100_000)] | None = None
 
 
 class SpecTable(_Table):
@@ -152,14 +161,54 @@ class SpecTable(_Table):
 
 def validated(text: str, path: Path) -> SpecTable:
     """The text as checked tables; nothing is read or built yet."""
+    if len(text) > LONGEST:
+        raise SpecError(f"{path.name} has {len(text)} characters, and a study file at most {LONGEST}; data belong into recordings.")
     try:
-        raw = tomllib.loads(text)
+        raw = tomllib.loads(text.removeprefix("\ufeff"))
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path.name} is not valid TOML: {error}. Check quotes and brackets there.") from None
+    except RecursionError:
+        raise SpecError(f"{path.name} has brackets or keys nested too deeply; write it with at most {DEEPEST} levels.") from None
+    except (ValueError, OverflowError) as error:  # a number or a date that Python cannot hold
+        raise SpecError(f"{path.name} has a number or date that cannot be read ({_first(error)}); correct it there.") from None
+    if (place := _too_deep(raw)) is not None:
+        raise SpecError(f"{path.name}: {place[:80]} is nested more than {DEEPEST} levels deep; write it with fewer brackets or dots.")
     try:
         return SpecTable.model_validate(raw)
     except ValidationError as error:
         raise SpecError(_sentence(error, raw, path)) from None
+    except (RecursionError, OverflowError, TypeError, ValueError) as error:
+        raise SpecError(f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes.") from None
+
+
+LONGEST, DEEPEST = 4_000_000, 40  # characters; levels of tables and lists
+
+
+def _first(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def _too_deep(raw: Any) -> str | None:
+    """Where a tree has more than `DEEPEST` levels, without recursion."""
+    left = [(raw, "", 0)]
+    while left:
+        value, place, depth = left.pop()
+        inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        for key, below in inner:
+            if isinstance(below, dict | list):
+                if depth >= DEEPEST:
+                    return place or str(key)
+                left.append((below, place or str(key), depth + 1))
+    return None
+
+
+def shown_value(value: Any, longest: int = 120) -> str:
+    """A value of the study file as a message repeats it."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # a number of more digits than Python writes
+        return "a number too long to write"
+    return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str:
@@ -167,7 +216,7 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     places = [
         str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")
     ]
-    key = ".".join(places)
+    key = ".".join(p if len(p) <= 60 else f"{p[:60]}..." for p in places)
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), owner, 1)
@@ -176,7 +225,7 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     if first["type"] == "missing":
         return f"{path.name}: key {key!r} is missing; add it."
     value = first.get("input")
-    shown = "" if isinstance(value, dict) else f" = {value!r}"
+    shown = "" if isinstance(value, dict) else f" = {shown_value(value)}"
     return f"{path.name}: {key}{shown} cannot be used: {first['msg'].lower()}. Correct it there."
 
 

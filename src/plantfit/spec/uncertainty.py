@@ -161,6 +161,8 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
     if kind == "constant":
         name = _names(own)[0]
         p = problem.space.parameters[name]
+        if unit is not None and units.is_point(unit) and own.unit is not None and units.parse(own.unit) in [units.parse(s) for s in SHARES]:
+            raise UnitError(f"{name!r} is in {unit!r}, of which {own.unit} is no size; give the error in {units.difference_of(unit)!r}.")
         beside = table.parameters[name].unit if name in table.parameters else None
         return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # type: ignore[arg-type]
     return _absolute(own, own.unit, unit, own.span, "the span: give span")
@@ -179,7 +181,7 @@ def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whol
         raise UnitError(f"unit = {given!r}, but {_names(own)[0]!r} has no unit; leave unit out, or give {_names(own)[0]!r} one.")
     if not units.compatible(given, wanted):
         raise UnitError(f"unit = {given!r} cannot be turned into {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them.")
-    return units.factor_offset(given, wanted)[0]  # an uncertainty is a difference: 1 degC is 1 K
+    return units.factor(given, wanted)  # an uncertainty is a difference: 1 degC is 1 K
 
 
 def _source(name: str, own: UncertaintyTable, unit: str | None, factor: float) -> Source:

@@ -6,6 +6,7 @@ where a statement says FOR UPDATE and runs every other statement on what is comm
 """
 
 import os
+import sqlite3
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import NullPool
 
 from plantfit.errors import MissingExtra, StoreError
+from plantfit.study.addresses import shown
 from plantfit.study.database_failures import translated
 
 WRITES = "plantfit_writes"
@@ -35,7 +37,13 @@ def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) ->
         )
     name = url.database or ""
     _check_path(Path(name), name, create)
-    engine = create_engine(url, poolclass=NullPool, connect_args={"timeout": busy_timeout, "check_same_thread": False})
+    arguments = {"timeout": busy_timeout, "check_same_thread": False}
+    if _is_read_only(Path(name)):
+        place = _read_only_place(Path(name))
+        engine = create_engine("sqlite://", poolclass=NullPool, creator=lambda: sqlite3.connect(place, uri=True, **arguments))
+        _prepare_sqlite(engine, busy_timeout)
+        return engine, name
+    engine = create_engine(url, poolclass=NullPool, connect_args=arguments)
     _prepare_sqlite(engine, busy_timeout)
     with translated(name):
         _use_wal(engine)
@@ -73,10 +81,10 @@ def _url(place: str | os.PathLike[str]) -> URL:
         return URL.create("sqlite", database=text)
     try:
         return make_url(text)
-    except ArgumentError as error:
+    except (ArgumentError, ValueError):  # without the cause, which repeats the address
         raise StoreError(
-            f"The study database address {text!r} cannot be read; write a file name or postgresql+psycopg://user@host/name."
-        ) from error
+            f"The study database address {shown(text)!r} cannot be read; write a file name or postgresql+psycopg://user@host/name."
+        ) from None
 
 
 def _server(url: URL, busy_timeout: float) -> tuple[Engine, str]:
@@ -93,7 +101,7 @@ def _server(url: URL, busy_timeout: float) -> tuple[Engine, str]:
         if connection.get_execution_options().get(WRITES, False):
             connection.exec_driver_sql(f"SET LOCAL lock_timeout = {int(1000 * busy_timeout)}")
 
-    return engine, url.render_as_string(hide_password=True)
+    return engine, shown(url.render_as_string(hide_password=False))
 
 
 def _check_path(path: Path, name: str, create: bool) -> None:
@@ -105,6 +113,18 @@ def _check_path(path: Path, name: str, create: bool) -> None:
         raise StoreError(f"Study database {name} cannot be made because the folder {path.parent} does not exist; make the folder first.")
     if not create and not path.exists():
         raise StoreError(f"Study database {name} does not exist; check the name, or start a study to make it.")
+
+
+def _is_read_only(path: Path) -> bool:
+    """Whether a database is in a folder where SQLite cannot make its files for several readers, as on a read-only mount."""
+    return path.exists() and not os.access(path.parent, os.W_OK)
+
+
+def _read_only_place(path: Path) -> str:
+    """The database as one that nobody changes, unless a log beside it holds changes that have to be read with it."""
+    log = path.with_name(f"{path.name}-wal")
+    held = "" if log.exists() and log.stat().st_size else "&immutable=1"
+    return f"{path.resolve().as_uri()}?mode=ro{held}"
 
 
 def _prepare_sqlite(engine: Engine, busy_timeout: float) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from sqlalchemy.exc import DBAPIError
 
 from plantfit.errors import StoreError
+from plantfit.study.addresses import concealed
 
 KEPT = "finished runs are kept"
 
@@ -43,12 +44,15 @@ UNREACHABLE = "08"
 
 
 @contextmanager
-def translated(name: str) -> Iterator[None]:
-    """Turn driver errors raised inside into StoreError about the database `name`."""
+def translated(name: str, address: str = "") -> Iterator[None]:
+    """Turn driver errors raised inside into StoreError about the database `name`; passwords of its `address` are in none of them."""
     try:
         yield
     except DBAPIError as error:
-        raise StoreError(f"Study database {name} {_sentence(error.orig)}") from error
+        for one in (error, error.orig):
+            if one is not None:
+                one.args = tuple(concealed(a, address) if isinstance(a, str) else a for a in one.args)
+        raise StoreError(f"Study database {name} {concealed(_sentence(error.orig), address)}") from error
     except sqlite3.Error as error:
         raise StoreError(f"Study database {name} {_sentence(error)}") from error
 
@@ -58,9 +62,10 @@ def readable(name: str, study_id: int) -> Iterator[None]:
     """Turn rows that cannot be decoded inside into StoreError."""
     try:
         yield
-    except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError, zlib.error) as error:
+        told = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise StoreError(
-            f"Study {study_id} in {name} has a row that cannot be read ({error}); restore the database from a copy, or delete the study."
+            f"Study {study_id} in {name} has a row that cannot be read ({told}); restore the database from a copy, or delete the study."
         ) from error
 
 

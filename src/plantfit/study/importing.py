@@ -1,6 +1,7 @@
 """An exported file back to a whole study, with the same bits; a file that is not whole is refused."""
 
 import json
+import re
 from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ import polars as pl
 from plantfit.errors import Status, StoreError
 from plantfit.study.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
+from plantfit.study.plan import MOST_RUNS
 from plantfit.study.records import RunRecord, StudyRecord, TaskRecord, WholeStudy
 
 INTEGER = 2**31  # of table task and the number of a run
@@ -46,11 +48,22 @@ def read_study(path: Path) -> WholeStudy:
 
 def _from_json(path: Path) -> WholeStudy:
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8-sig")
+        record = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise _Refused(f"is not an exported study, or broken ({error}); {AGAIN}") from error
+    if re.search(r"\\ud[89a-f]", text, re.IGNORECASE):
+        _refuse_surrogates(record)
     head = _header(record)
     return _joined(head, (_run_of_json(values, place) for values, place in _listed(record, "runs")))
+
+
+def _refuse_surrogates(record: Any) -> None:
+    """Halves of characters, which JSON can write and no database can hold."""
+    try:
+        json.dumps(record, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        raise _Refused(f"has text that is not Unicode (half of a pair, {error.object[error.start]!r}); {AGAIN}") from None
 
 
 def _from_parquet(path: Path) -> WholeStudy:
@@ -90,8 +103,9 @@ def _study(values: Mapping[str, Any]) -> StudyRecord:
     methods = plan["methods"]
     if not (isinstance(methods, list) and methods and all(isinstance(m, str) for m in methods) and len(set(methods)) == len(methods)):
         raise ValueError(f"methods {methods!r}")
-    for name in ("runs", "budget", "seed"):
+    for name in ("budget", "seed"):
         _whole_number(plan[name], INTEGER)
+    _whole_number(plan["runs"], MOST_RUNS + 1)
     coordinates, notes = values["coordinates"], values["notes"]
     for texts in ([values["name"], values["created"], values["cpu"], plan["name"]], coordinates, notes, list(values["versions"].values())):
         if not isinstance(texts, list) or not all(isinstance(t, str) for t in texts):

@@ -1,23 +1,24 @@
 """A problem as a search sees it: a cube and numbers."""
 
-from collections.abc import Callable
-from functools import lru_cache
-
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
+from plantfit.problem.points import several
 from plantfit.problem.problem import Problem
-
-import jax
+from plantfit.problem.projection import Projection
+from plantfit.problem.triangle import triangle
 
 SIDE_BY_SIDE = 500_000  # entries of a Jacobian of which several fit into memory at once
 
 
-@lru_cache(maxsize=16)
-def _batch(function: Callable) -> Callable:
-    """Of one compiled function of (z, arguments) that for several z."""
-    return jax.jit(jax.vmap(function, in_axes=(0, None)))
+def _in_few_rows(r: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (n, k) and derivatives (n, k, d) with the mean square, gradient and Gauss-Newton matrix of (n, m) and (n, m, d)."""
+    _, m, d = jacobian.shape
+    if m <= d + 1:
+        return r, jacobian
+    small = np.stack([triangle(np.column_stack(pair)) for pair in zip(jacobian, r, strict=True)]) * np.sqrt((d + 1) / m)
+    return small[:, :, d], small[:, :, :d]
 
 
 def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective:
@@ -27,8 +28,9 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
 
     def batch(zs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if regression:  # its one block has few rows, with the same mean square
-            return _batch(problem.compiled["blocks"])(zs, problem.arguments)[0]
-        return _batch(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)
+            r, jacobian = several(problem.compiled["blocks"])(zs, problem.arguments)[0]
+            return np.asarray(r), np.asarray(jacobian)
+        return _in_few_rows(*map(np.asarray, several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)))
 
     regression = "triangles" in problem.data
     samples = 0 if regression else sum(len(places) for outputs in problem.data["index"].values() for places in outputs.values())
@@ -39,7 +41,8 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
         value_and_gradient=problem.value_and_gradient,
         residuals_and_jacobian=problem.residuals_and_jacobian,
         compressed=problem.compressed,
-        batch_residuals_and_jacobian=batch if small else None,
+        batch_rows=batch if small else None,
+        projected=lambda: Projection.of(problem),
         separable=problem.separable,
         blocks=problem.separable_blocks,
         gradient_charge=problem.gradient_charge,
@@ -47,4 +50,5 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
         start=start,
         lower=problem.space.lower,
         upper=problem.space.upper,
+        log=problem.space.log,
     )

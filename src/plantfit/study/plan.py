@@ -8,6 +8,7 @@ from plantfit.errors import SearchError
 from plantfit.optimize import registry
 from plantfit.study.codec import plain
 
+MOST_RUNS = 1_000_000  # their tasks are rows of the store and stand in memory
 LIMIT = 2**31  # what `minimise` counts to
 SMALLEST_CHUNK, LARGEST_CHUNK = 5, 100
 TASKS_OF_METHOD = 10  # enough to keep several workers busy to the end
@@ -39,6 +40,8 @@ class Plan:
             raise SearchError(f"The study has the name {self.name!r}; give it a name of at least one letter.")
         for key, least in (("runs", 1), ("budget", 1), ("seed", 0)):
             object.__setattr__(self, key, _whole(self.name, key, getattr(self, key), least))
+        if self.runs > MOST_RUNS:
+            raise SearchError(f"Study {self.name!r}: runs is {self.runs}; a study has at most {MOST_RUNS} runs of a method.")
         chunk = default_chunk(self.runs) if self.chunk is None else _whole(self.name, "chunk", self.chunk, 1)
         object.__setattr__(self, "chunk", chunk)
         object.__setattr__(self, "methods", _methods(self.name, self.methods))

@@ -38,22 +38,39 @@ def run_row(study: int, result: "RunResult | RunRecord", parameters: Mapping[str
 
 
 def run_record(row: Row) -> RunRecord:
-    """The inverse of `run_row`."""
+    """The inverse of `run_row`; TypeError or ValueError for a row with anything else in it, which SQLite lets in."""
+    for name, kind in _KINDS.items():
+        if isinstance(value := getattr(row, name), bool) or not isinstance(value, kind):
+            raise TypeError(f"run {row.run!r}: {name} is {value!r:.60}")
+    parameters, extra = from_json(row.parameters), from_json(row.extra)
+    if not isinstance(extra, dict) or not isinstance(parameters, dict) or not all(_is_number(v) for v in parameters.values()):
+        raise TypeError(f"run {row.run}: its parameters or extras are no table of numbers")
     return RunRecord(
         method=row.method,
         run=row.run,
         seed=row.seed,
         x=from_blob(row.x),
         cost=_cost(row),
-        parameters=from_json(row.parameters),
+        parameters=parameters,
         evaluations=row.evaluations,
         seconds=row.seconds,
         status=Status(row.status),
         failures=row.failures,
         history_evaluations=unpack(row.history_evaluations, row.packing),
         history_cost=unpack(row.history_cost, row.packing),
-        extra=from_json(row.extra),
+        extra=extra,
     )
+
+
+_KINDS = {
+    "method": str, "run": int, "seed": int, "cost": float | int | None, "cost_bits": bytes | None, "x": bytes, "parameters": str,
+    "evaluations": float | int, "seconds": float | int, "status": str, "failures": int, "packing": int,
+    "history_evaluations": bytes, "history_cost": bytes, "extra": str,
+}  # fmt: skip
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _cost(row: Row) -> float:
@@ -65,6 +82,9 @@ def _cost(row: Row) -> float:
 def study_record(row: Row, held: bool, runs_done: int) -> StudyRecord:
     """A study as it is now: a killed worker could not set the state."""
     plan = from_json(row.plan)
+    texts = (row.name, row.created, row.state, row.cpu, row.spec or "", row.spec_path or "", *plan["methods"])
+    if not all(isinstance(t, str) for t in texts) or not isinstance(row.probe, bytes):
+        raise TypeError("a column is of another kind")
     runs_total = plan["runs"] * len(plan["methods"])
     unfinished = "interrupted" if row.state == "running" and not held else row.state
     return StudyRecord(

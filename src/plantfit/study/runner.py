@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from plantfit.errors import SearchError
+from plantfit.errors import SearchError, StoreError
 from plantfit.optimize.contract import Objective
 from plantfit.study.plan import Plan
 from plantfit.study.probe import check_same, probe
@@ -15,7 +15,7 @@ from plantfit.study.progress import StudyProgress
 from plantfit.study.search import Search, search_task
 from plantfit.study.store import Store
 from plantfit.study.task_worker import TaskWorker, ToPhysical
-from plantfit.study.versions import cpu_model, versions
+from plantfit.study.versions import SEARCHES, cpu_model, versions
 
 CHECKPOINT_SECONDS = 2.0
 POLL_SECONDS = 0.3
@@ -115,6 +115,7 @@ def joined(
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> TaskWorker:
     """A worker for a study that was begun earlier or elsewhere, once the problem is known to be the same."""
+    check_searches(store, study_id)
     check_same(store.probe(study_id), probe(objective, to_physical), study_id)
     note_changes(store, study_id, versions() | {"CPU": cpu_model()})
     return _worker(store, study_id, objective, to_physical, progress, stop, search, checkpoint_seconds)
@@ -141,11 +142,24 @@ def attend(workers: Sequence[Callable[[], TaskWorker]], stop: Callable[[], bool]
             time.sleep(POLL_SECONDS)
 
 
+def check_searches(store: Store, study_id: int) -> None:
+    """Raise StoreError for a study whose other runs were made by searches that took other steps."""
+    study = store.study(study_id)
+    before = study.versions.get("searches", "1")
+    if before != str(SEARCHES):
+        raise StoreError(
+            f"Study {study_id} ({study.name}) was begun by plantfit {study.versions.get('plantfit', 'of unknown version')} with edition "
+            f"{before} of the searches, and this plantfit has edition {SEARCHES}: its runs could not be compared. Finish it with that "
+            "version, or start it anew with `plantfit run`; `plantfit report` still shows what it has."
+        )
+
+
 def note_changes(store: Store, study_id: int, now: dict[str, str]) -> None:
     """Note in the study what it goes on with if that is not what it began with."""
     study = store.study(study_id)
     before = dict(study.versions) | {"CPU": study.cpu}
-    changed = [f"{key} {before.get(key, 'unknown')} became {now[key]}" for key in now if before.get(key) != now[key]]
+    known = [key for key in now if key in before or key != "engine"]  # which older studies do not tell
+    changed = [f"{key} {before.get(key, 'unknown')} became {now[key]}" for key in known if before.get(key) != now[key]]
     if changed:
         store.add_note(study_id, f"Worked on elsewhere ({', '.join(changed)}); runs from there may differ in their last bits.")
 

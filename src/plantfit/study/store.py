@@ -46,6 +46,7 @@ class Store:
         self.engine, self.name = engine, name
         self._reader, self._writer = readers(engine), writers(engine)
         self._clock_ahead = 0.0
+        self._address = engine.url.render_as_string(hide_password=False)
 
     @classmethod
     def open(cls, place: str | os.PathLike[str], *, create: bool = True, busy_timeout: float = 30.0) -> "Store":
@@ -229,7 +230,7 @@ class Store:
 
     @contextmanager
     def _transaction(self, engine: Engine) -> Iterator[Connection]:
-        with translated(self.name), engine.begin() as connection:
+        with translated(self.name, self._address), engine.begin() as connection:
             yield connection
 
     def _read(self):

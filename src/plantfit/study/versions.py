@@ -4,18 +4,21 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
+SEARCHES = 2  # raised whenever a search takes other steps than before; a study is finished by the searches that it was begun with
 PACKAGES = ("plantfit", "jax", "jaxlib", "numpy", "scipy")
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, plantfit, jax, jaxlib, numpy and scipy, and the operating system."""
+    """Versions of Python, plantfit, its searches, jax, jaxlib, numpy and scipy, what runs loops over time, and the operating system."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             found[package] = "not installed"
-    return found | {"system": f"{platform.system()} {platform.machine()}"}
+    from plantfit.native.interface import engine  # imports jax
+
+    return found | {"searches": str(SEARCHES), "engine": engine(), "system": f"{platform.system()} {platform.machine()}"}
 
 
 def cpu_model(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:

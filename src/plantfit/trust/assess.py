@@ -13,6 +13,8 @@ from plantfit.simulate.simulator import Drive
 from plantfit.simulate.verify import by_doubling, check_steps
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
+from plantfit.trust.agreement import SAME, agreement, opened
+from plantfit.trust.finish import rounding
 from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
@@ -22,8 +24,11 @@ from plantfit.trust.smoothing_strength import smoothing_rows
 from plantfit.trust.table_visits import agreeing, table_visits
 from plantfit.trust.uncertainty_findings import uncertainty_findings
 from plantfit.trust.verdict import sentences
+from plantfit.trust.weights import weight_rows
 
 COMBINATIONS = 5  # the worst that are told
+
+CHECKED = 150_000  # evaluations of the tight solver, some 4 s
 
 
 def assess(
@@ -47,6 +52,8 @@ def assess(
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
     visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
     rows = parameter_rows(problem.space, local, unseen)
+    agreed = agreement(problem, runs)
+    rows = opened(rows, agreed["ranges"])
     rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
     findings = {
         "name": problem.name,
@@ -60,6 +67,8 @@ def assess(
         "combinations": _combinations(local, rows),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
+        "agreement": agreed,
+        "weights": weight_rows(problem),
         "simulation": _simulation(problem, best.x, local.values, verify),
         "reproduction": {
             "spec": spec,
@@ -198,20 +207,26 @@ def _run(problem, r):
         "cost": float(r.cost) if np.isfinite(r.cost) else None,
         "rmse": float(np.sqrt(squares)) * (problem.scales[problem.outputs[0]] if one else 1.0) if np.isfinite(r.cost) else None,
         "status": str(r.status),
+        "ended": str(r.extra.get("ended", "")),
         "evaluations": float(r.evaluations),
         "seconds": float(r.seconds),
         "failures": int(r.failures),
         "parameters": dict(zip(problem.space.names, values.tolist(), strict=True)),
+        "searched": _named(problem, r.extra["searched"]) if "searched" in r.extra else {},
         "history": {"evaluations": np.asarray(r.history_evaluations).tolist(), "cost": _listed(r.history_cost)},
-        "extra": {k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list)},
+        "extra": {k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k != "searched"},
     }
+
+
+def _named(problem, z):
+    return dict(zip(problem.space.names, np.asarray(problem.space.physical(np.asarray(z))).tolist(), strict=True))
 
 
 def _basins(problem, runs):
     finite = [r for r in runs if np.isfinite(r.cost)]
     if not finite:
         return []
-    found = basins(np.array([r.cost for r in finite]), np.array([r.x for r in finite]))
+    found = basins(np.array([r.cost for r in finite]), np.array([r.x for r in finite]), SAME, rounding(problem))
     return [
         {
             "cost": float(b.cost),
@@ -231,11 +246,11 @@ def _simulation(problem, z, values, verify):
     name = _least_exact(problem, z, moving)
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
-    error = check_steps(simulator, p, drive, pieces=400) if verify else by_doubling(simulator, p, drive)
+    error = check_steps(simulator, p, drive, evaluations=CHECKED) if verify else by_doubling(simulator, p, drive)
     rows = {}
     for output in problem.outputs:
         index, y = problem.data["index"][name][output], problem.data["measured"][name][output]
-        if not len(y):
+        if not len(y) or not np.isfinite(error.max_error[output]):
             continue
         residual = problem.predict(values, name)[output][index] - y
         rows[output] = {
@@ -249,7 +264,10 @@ def _simulation(problem, z, values, verify):
         "substeps": simulator.substeps,
         "recording": name,
         "checked_with": error.checked_with,
+        "checked_samples": error.last + 1,
+        "samples": len(drive.t) if drive.samples is None else len(drive.samples),
         "outputs": rows,
+        **({} if error.stopped is None else {"refused": error.stopped.sentence}),
     }
 
 

@@ -3,16 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
+from plantfit.problem.triangle import triangle
 from plantfit.trust.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.directions import Direction, flat_directions
 
-import jax
-import jax.numpy as jnp
-
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
 OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determined (see parameters._status)
 
 
@@ -36,14 +37,13 @@ class Local:
 def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,)."""
     space, blocks = problem.space, residual_blocks(problem)
-    residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     smoothing = problem.smoothing.matrix if problem.smoothing else np.zeros((space.dimension,) * 2)
     bends = problem.smoothing.weighted(z) if problem.smoothing else (np.zeros(0), np.zeros((0, space.dimension)))
     lower, upper = _held(z, np.vstack([jacobian, bends[1]]), np.r_[residuals, bends[0]])
     free = ~(lower | upper)
     cube = covariance(jacobian, residuals, blocks, free, smoothing)
-    values, slope = jax.jvp(space.physical, (jnp.asarray(z),), (jnp.ones(space.dimension),))
-    values, slope = np.asarray(values), np.asarray(slope)
+    values, slope = np.asarray(space.physical(z)), space.slopes(z)
     physical = cube * slope[:, None] * slope[None, :]
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
@@ -63,13 +63,38 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
 def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (d,) that the data press onto their lower and upper bound.
 
-    Where they could move inside by a fifth of the box and chi-squared would grow by less than 1, nothing presses: such a
-    coordinate is open, and happens to stand on its bound.
+    A coordinate is open, and only happens to stand on its bound, where it could move inside by a fifth of the box and chi-squared
+    would grow by less than 1 after the others have moved inside their bounds to make up for it: of two parameters known only as a
+    sum, the one on its bound is not pressed.
     """
     gradient, curvature = jacobian.T @ residuals, np.sum(jacobian**2, axis=0)
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(z)), 1e-300)
-    pressed = 2.0 * OPEN * np.abs(gradient) + OPEN**2 * curvature >= variance
-    return (z <= EDGE) & (gradient >= 0) & pressed, (z >= 1 - EDGE) & (gradient <= 0) & pressed
+    alone = 2.0 * OPEN * np.abs(gradient) + OPEN**2 * curvature >= variance
+    lower, upper = (z <= EDGE) & (gradient >= 0) & alone, (z >= 1 - EDGE) & (gradient <= 0) & alone
+    if np.any(lower | upper):
+        small = triangle(np.column_stack([jacobian, residuals]))
+        for i in np.flatnonzero(lower | upper):
+            pressed = _growth(z, small[:, :-1], small[:, -1], int(i), OPEN if lower[i] else -OPEN) >= variance
+            lower[i], upper[i] = lower[i] and pressed, upper[i] and pressed
+    return lower, upper
+
+
+def _growth(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray, i: int, step: float) -> float:
+    """How much the linearised sum of squares grows when coordinate i moves by `step` and the others follow as they best can."""
+    others = np.arange(len(z)) != i
+    if len(z) > MOST_BOUNDED:  # those inside the box follow; whether they stay there is not looked at
+        others &= (z > EDGE) & (z < 1 - EDGE)
+    moved, columns = residuals + step * jacobian[:, i], jacobian[:, others]
+    if not np.any(others):
+        left = moved
+    elif len(z) > MOST_BOUNDED:
+        left = moved + columns @ np.linalg.lstsq(columns, -moved, rcond=1e-12)[0]
+    else:
+        norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        low, high = -z[others] * norms, (1.0 - z[others]) * norms
+        follow = lsq_linear(columns / norms, -moved, (low - 1e-15 * norms, high + 1e-15 * norms), method="bvls")
+        left = moved + (columns / norms) @ follow.x
+    return float(left @ left) - float(residuals @ residuals)
 
 
 def _whole(numbers: np.ndarray) -> np.ndarray:

@@ -52,6 +52,10 @@ def _weaks(name: str, rows: Sequence[Row]) -> Sentence:
 
 
 def _flat(p: Row) -> Sentence:
+    if p.get("equal_answers"):
+        low, high = p["equal_answers"]
+        text = f"{p['name']} is not determined: runs of the same cost found it from {number(low)} to {with_unit(high, p['unit'])}."
+        return say("bad", text, low=low, high=high)
     text = (
         f"{p['name']} is not determined: the data allow nearly the whole range from {number(p['lower_bound'])} "
         f"to {with_unit(p['upper_bound'], p['unit'])}."

@@ -9,6 +9,7 @@ from plantfit.errors import BoardError
 VERSION = 1
 RESTING, PLAYING, FINISHED, WATCHDOG, STARVED = range(5)
 _LONGEST = 400  # bytes without a line feed that are kept
+_MOST_CHANNELS = 256
 _CHECK = 9  # '*' and eight hex digits
 
 
@@ -124,7 +125,10 @@ class Hello:
             )
         try:
             if fields[0] == "H":
-                *_, channels = map(int, fields[4:9])
+                numbers = [int(f) for f in fields[4:9]]
+                if not all(abs(n) < 2**63 for n in numbers) or numbers[-1:] > [_MOST_CHANNELS]:
+                    raise ValueError
+                *_, channels = numbers
                 self._head = fields if len(fields) == 9 and channels >= 0 else None
             elif fields[0] == "A":
                 self._drive = Drive(fields[1], fields[2], float(fields[3]), int(fields[4]))

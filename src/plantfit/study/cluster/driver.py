@@ -29,6 +29,7 @@ from plantfit.study.store import Store
 from plantfit.study.worker_names import new_worker
 
 LOCAL = "local"
+LOOPBACK = "127.0.0.1"
 CONNECT_SECONDS = 10
 POLL_SECONDS = 0.1
 DRY_SECONDS = 0.5  # between two looks for tasks that others have let go
@@ -113,7 +114,14 @@ def _client(distributed: Any, address: str, workers: int | None) -> Iterator[Any
         count = workers or sensible_workers()
         with (
             distributed.LocalCluster(
-                n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                silence_logs=logging.CRITICAL,
+                # what says who may connect: nobody but this machine. None would open a page on all of its addresses
+                host=LOOPBACK,
+                dashboard_address=f"{LOOPBACK}:0",
+                worker_dashboard_address=f"{LOOPBACK}:0",
             ) as cluster,
             distributed.Client(cluster) as client,
         ):

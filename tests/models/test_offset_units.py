@@ -1,0 +1,149 @@
+"""Temperatures in degC and K, pH and decibels: everywhere converted right or refused in one sentence, never silently taken."""
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+import plantfit.recording as rec
+from plantfit import units
+from plantfit.errors import EquationError, UnitError
+from plantfit.problem import Experiment, Problem
+
+T = np.arange(0.0, 50.0, 1.0)
+
+
+def heated(output="T = x", unit="degC", initial="T", state="K", **more):
+    constants = {"zero": "273.15 K", **more.pop("constants", {})}
+    return pf.equations(
+        f"x' = (Ta - x)/tau\n{output}", inputs={"Ta": state}, states={"x": {"unit": state, "initial": initial}},
+        outputs={"T": unit}, parameters={"tau": {"unit": "s", "bounds": (1, 100)}}, constants=constants, **more,
+    )  # fmt: skip
+
+
+def test_a_state_in_kelvin_is_no_output_in_degC():
+    with pytest.raises(EquationError, match=r"Output 'T' must be in °C, but this is in K; .*write it - zero with constants"):
+        heated()
+    with pytest.raises(EquationError, match=r"initial value of 'x' must be in K, but this is in °C; .*write it \+ zero"):
+        heated("T = x - zero")
+    assert heated("T = x - zero", initial="T + zero").outputs == {"T": "degC"}
+    with pytest.raises(EquationError, match="must be in K"):
+        heated("T = x", "K", initial="Tc", constants={"Tc": "20 degC"})
+
+
+def record(unit, shift):
+    truth = 350.0 - 50.0 * np.exp(-T / 20.0)
+    return rec.from_arrays(T, signals={"Ta": (np.full(len(T), 350.0 - shift), unit), "T": (truth - shift, unit)}, name="run")
+
+
+@pytest.mark.parametrize(("unit", "shift"), [("K", 0.0), ("degC", 273.15)])
+@pytest.mark.parametrize("model", [heated("T = x", "K", "T"), heated("T = x - zero", "degC", "T + zero")])
+def test_recordings_are_converted_and_the_truth_comes_back(model, unit, shift):
+    assert pf.fit(Problem(model, record(unit, shift))).values["tau"] == pytest.approx(20.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("T if T > T2 else T", "joins °C and K"),
+        ("min(T, T2)", "joins °C and K"),
+        ("T if n > 0 else T2", "joins °C and K"),
+        ("n*E/(R*T)", "divides by a temperature in °C"),
+        ("n*T2/T", "divides by a temperature in °C"),
+        ("s*T^4", "power is of a temperature in °C"),
+        ("k(T) + k(T2)", "argument must be in °C"),
+    ],
+)
+def test_expressions_that_take_degC_for_kelvin_are_refused(text, said):
+    with pytest.raises(EquationError, match=said):
+        expression(text)
+
+
+PASS = [
+    "T - T2", "T + T2", "T - T", "n*E/(R*(T + zero))", "n*E/(R*T2)", "s*(T + zero)^4", "T2^4*s", "T2 - zero + dT", "T + dT", "(T + T)/2",
+    "a*(T - T2)", "Rp*a*T2 + T", "n*(T - T)/(T - T)", "T^2*n",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", PASS)
+def test_differences_sums_and_absolute_temperatures_pass(text):
+    expression(text)
+
+
+def expression(text):
+    """An intermediate value of any unit, reading only the names in the text."""
+    words = set("".join(c if c.isalnum() else " " for c in text).split())
+    named = {"T": "degC", "T2": "K", "dT": "delta_degC", "n": "", "E": "J/mol", "R": "J/mol/K", "s": "1/K^4", "a": "W/K", "Rp": "K/W"}
+    return pf.equations(
+        f"i = {text}\ny = 1 if i > i else 0", inputs={n: u for n, u in named.items() if n in words}, outputs={"y": ""},
+        constants={"zero": "273.15 K"}, tables={"k": {"over": ["T"], "nodes": [[0, 10]], "unit": "K"}} if "k" in words else None,
+    )  # fmt: skip
+
+
+def test_a_difference_and_a_temperature_do_not_convert_and_their_errors_do():
+    for a, b in (("delta_degC", "degC"), ("degC", "delta_degC")):
+        with pytest.raises(UnitError, match="a difference of temperatures"):
+            units.factor_offset(a, b)
+    assert units.factor("degC", "K") == 1.0
+    assert units.factor("degF", "delta_degC") == pytest.approx(5 / 9)
+    assert units.factor_offset("degC", "K") == (1.0, 273.15)
+    assert units.factor_offset("delta_degC", "K") == (1.0, 0.0)
+
+
+def test_pH_is_no_picohenry_and_logarithmic_units_are_refused():
+    assert not units.compatible("pH", "H")
+    assert not units.compatible("pH", "")
+    for unit in ("dB", "dBm", "decade", "octave", "Np"):
+        with pytest.raises(UnitError, match="logarithmic"):
+            units.parse(unit)
+    with pytest.raises(UnitError, match="logarithmic"):
+        pf.equations("y = u", inputs={"u": "dB"}, outputs={"y": "dB"})
+
+
+def test_a_column_in_decibels_is_refused_where_the_model_has_another_unit(tmp_path):
+    (tmp_path / "r.csv").write_text("t [s],L [dB],u\n0,1,1\n1,2,2\n2,3,3\n")
+    r = rec.read_csv(tmp_path / "r.csv", signals={"L": "L [dB]", "u": "u"})
+    parameters = {"g": {"bounds": (0, 2)}}
+    for unit in ("V", ""):
+        model = pf.equations("L = g*u", inputs={"u": None}, outputs={"L": unit}, parameters=parameters)
+        with pytest.raises(UnitError, match=f"'L' is in 'dB', which is logarithmic, and the model's is in {unit!r}"):
+            Problem(model, r)
+    assert pf.fit(Problem(pf.equations("L = g*u", inputs=["u"], outputs=["L"], parameters=parameters), r)).values["g"] == pytest.approx(1.0)
+
+
+def test_before_in_another_zero_needs_its_unit():
+    model = pf.equations(
+        "T = delay(Ta, L)", inputs={"Ta": "K"}, outputs={"T": "K"}, parameters={"L": {"unit": "s", "bounds": (0, 40), "value": 20.0}}
+    )
+
+    def early(before):
+        return Problem(model, Experiment(record("degC", 273.15), before=before), {"L": (1, 40)}).predict(np.array([20.0]))["T"][0]
+
+    with pytest.raises(UnitError, match=r"in 'degC' but the model in 'K'.*before = \{ Ta = \"20 degC\" \}"):
+        early({"Ta": 20.0})
+    assert early({"Ta": "20 degC"}) == pytest.approx(293.15)
+    assert early({"Ta": "300 K"}) == pytest.approx(300.0)
+    with pytest.raises(UnitError, match="cannot be turned into the model's 'K'"):
+        early({"Ta": "3 bar"})
+    with pytest.raises(UnitError, match="not a number with a unit"):
+        early({"Ta": "warm"})
+
+
+def test_what_cleaning_makes_a_difference_is_not_shifted_again():
+    r = record("degC", 273.15)
+    assert rec.convert_units(rec.detrend(r, "T"), {"T": "K"})["T"].mean() == pytest.approx(0.0, abs=1e-9)
+    assert rec.convert_units(rec.subtract(r, "T", "Ta"), {"T": "K"})["T"][0] == pytest.approx(-50.0)
+    assert rec.convert_units(rec.subtract(r, "T", 0.5), {"T": "K"})["T"][0] == pytest.approx(299.5)
+    deviations = pf.equations("T = g*Ta", inputs={"Ta": "degC"}, outputs={"T": "degC"}, parameters={"g": {"unit": "", "bounds": (0, 2)}})
+    r = rec.subtract(rec.detrend(r, "T"), "Ta", "Ta")
+    assert Problem(deviations, r).experiments["run"].recording["T"].mean() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_bounds_of_a_parameter_in_another_unit_are_converted_as_temperatures_or_differences():
+    model = pf.equations(
+        "T = n*0 + Ta", inputs={"n": ""}, outputs={"T": "K"}, parameters={"Ta": {"unit": "K", "bounds": (200, 400)}}, check=False
+    )
+    r = rec.from_arrays(T, signals={"n": T, "T": (T, "K")})
+    problem = Problem(model, r, {"Ta": pf.Parameter((10.0, 30.0), "degC")})
+    np.testing.assert_allclose([problem.space.lower[0], problem.space.upper[0]], [283.15, 303.15])
+    problem = Problem(model, r, {"Ta": pf.Parameter((10.0, 30.0), "delta_degC")})
+    np.testing.assert_allclose([problem.space.lower[0], problem.space.upper[0]], [10.0, 30.0])

@@ -1,0 +1,128 @@
+"""Which hold fits, with its power; inputs recorded by another clock."""
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+from plantfit.errors import ModelError
+from plantfit.problem import Problem
+from plantfit.problem.hold_check import check_holds
+from plantfit.recording import from_arrays
+
+N, DT = 400, 0.2
+T = DT * np.arange(N)
+LAG = pf.equations("x' = (K*u - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"], check=False,
+                   parameters={"K": {"bounds": (0.5, 4.0)}, "tau": {"bounds": (0.1, 5.0), "unit": "s"}})  # fmt: skip
+TRUTH = np.array([2.0, 0.6])
+
+
+def recorded(hold, noise, seed=0, corner=8):
+    """A noisy first order under an input through `corner` samples between its random values."""
+    rng = np.random.default_rng(seed)
+    knots = rng.uniform(-1, 1, N // corner + 2)
+    u = np.interp(np.arange(N) / corner, np.arange(len(knots)), knots) if corner > 1 else knots[:N]
+    empty = from_arrays(T, signals={"u": u, "y": 0 * T}, name="run")
+    y = Problem(LAG, empty, hold={"u": hold}, stepper="exact").predict(TRUTH)["y"]
+    return from_arrays(T, signals={"u": u, "y": y + noise * rng.normal(size=N)}, name="run")
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("declared", ["previous", "linear"])
+@pytest.mark.parametrize("truth", ["previous", "linear"])
+def test_the_hold_of_the_record_is_found_whatever_is_declared(truth, declared, seed):
+    problem = Problem(LAG, recorded(truth, 0.01, seed), hold={"u": declared}, stepper="exact", substeps=1)
+    (found,) = check_holds(problem, np.array([0.3, 0.4]))
+    assert found.better == truth
+    assert found.power > 3
+    assert f'hold = {{ u = "{truth}" }} fits better' in found.sentence
+
+
+def test_nothing_is_said_where_noise_hides_the_difference():
+    """Of 20 records with both holds far below the noise none may be told apart surely."""
+    told = []
+    for seed in range(20):
+        problem = Problem(LAG, recorded(("previous", "linear")[seed % 2], 3.0, seed, corner=40), stepper="exact", substeps=1)
+        (found,) = check_holds(problem, np.array([0.3, 0.4]))
+        told.append(found.better)
+        assert found.power < 3
+        assert "cannot tell" in found.sentence
+    assert told == [None] * 20
+
+
+def test_an_input_that_rests_is_left_out():
+    record = from_arrays(T, signals={"u": np.ones(N), "y": np.ones(N)}, name="run")
+    assert check_holds(Problem(LAG, record, substeps=1), np.array([0.3, 0.4])) == []
+
+
+def shifted(by):
+    """The input is written `by` seconds too early: it acts later than its time stamps say."""
+    rng = np.random.default_rng(3)
+    fine = np.interp(np.arange(-5.0, 90.0, 0.7), np.arange(-5.0, 95.0, 1.4), rng.uniform(-1, 1, 72)[: len(np.arange(-5.0, 95.0, 1.4))])
+
+    def u(t):
+        return np.interp(t, np.arange(-5.0, 90.0, 0.7), fine)
+
+    long = DT / 20 * np.arange(20 * N)
+    empty = from_arrays(long, signals={"u": u(long), "y": 0 * long})
+    y = Problem(LAG, empty, hold={"u": "linear"}, stepper="exact").predict(TRUTH)["y"][::20]
+    return from_arrays(T, signals={"u": u(T + by), "y": y}, name="run")
+
+
+@pytest.mark.parametrize("by", [0.13, -0.21])
+def test_a_shift_between_clocks_is_a_parameter_of_either_sign(by):
+    problem = Problem(LAG, shifted(by), {"clock_shift_u": (-0.5, 0.4)}, hold={"u": "linear"}, clock_shift={"u": (-0.5, 0.5)}, skip=5.0)
+    answer = pf.fit(problem, seed=1)
+    assert answer.values["clock_shift_u"] == pytest.approx(by, abs=0.01)
+    assert answer.values["tau"] == pytest.approx(0.6, rel=0.03)
+    z = np.array([0.4, 0.5, 0.3])
+    _, g = problem.value_and_gradient(z)
+    for k in range(3):
+        d = 1e-6 * np.eye(3)[k]
+        assert g[k] == pytest.approx(float(problem.cost(z + d) - problem.cost(z - d)) / 2e-6, rel=1e-4, abs=1e-9)
+
+
+def test_a_shift_that_cannot_be_known_is_refused():
+    record = from_arrays(T, signals={"u": T, "y": T}, name="run")
+    for shift, said in (({"y": (-1, 1)}, "an output"), ({"w": (-1, 1)}, "no channel"), ({"u": (1, -1)}, "bounds of the shift")):
+        with pytest.raises(ModelError, match=said):
+            Problem(LAG, record, clock_shift=shift)
+    late = pf.equations("y = delay(u, L)", inputs=["u"], outputs=["y"], parameters={"L": {"unit": "s", "bounds": (0, 1)}}, check=False)
+    with pytest.raises(ModelError, match="dead time already"):
+        Problem(late, record, clock_shift={"u": (-0.1, 0.1)})
+
+
+STUDY = """
+name = "clocks"
+[recording.run]
+file = "run.csv"
+[model]
+equations = "x' = (K*u - x)/tau"
+inputs = { u = "" }
+states = { x = "" }
+outputs = { x = "" }
+clock_shift = { u = [-0.5, 0.5] }
+[parameters.K]
+bounds = [0.1, 9.0]
+unit = ""
+[parameters.tau]
+bounds = [0.5, 20.0]
+unit = "s"
+[parameters.clock_shift_u]
+bounds = [-0.3, 0.3]
+"""
+
+
+def test_a_study_file_frees_a_clock_and_check_tells_the_hold(tmp_path, monkeypatch, capsys):
+    from typer.testing import CliRunner
+
+    from plantfit.cli.main import app
+
+    rng = np.random.default_rng(0)
+    rows = "".join(f"{t},{u},{x}\n" for t, u, x in zip(T, rng.uniform(-1, 1, N), rng.normal(size=N), strict=True))
+    (tmp_path / "run.csv").write_text("t,u,x\n" + rows)
+    (tmp_path / "study.toml").write_text(STUDY)
+    monkeypatch.chdir(tmp_path)
+    said = CliRunner().invoke(app, ["check", "study.toml", "--holds"])
+    assert said.exit_code == 0, said.output
+    assert "clock_shift_u" in said.output
+    assert "hold" in said.output.splitlines()[-2]

@@ -1,0 +1,90 @@
+"""Study files that are wrong in ways no person would think of: SpecError or another error of ours, in one sentence, soon."""
+
+import pytest
+
+from plantfit.errors import PlantfitError
+from plantfit.spec import load, parse
+
+HEAD = """
+name = "x"
+[recording.a]
+file = "x.csv"
+"""
+TEXT = (
+    HEAD
+    + """
+[model]
+equations = "y = K*u"
+inputs = { u = "" }
+outputs = { y = "" }
+[parameters.K]
+bounds = [0.0, 1.0]
+"""
+)
+LONG = "9" * 400
+
+
+def said(text, tmp_path):
+    (tmp_path / "x.csv").write_text("time,u,y\n" + "".join(f"{k},{k % 3},{k % 3}\n" for k in range(30)))
+    with pytest.raises(PlantfitError) as raised:
+        parse(text, tmp_path / "s.toml")
+    sentence = str(raised.value)
+    assert len(sentence) < 1200
+    return sentence
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('inputs = { u = "" }', "inputs = [[1]]"),
+        ('inputs = { u = "" }', "inputs = [{}]"),
+        ('outputs = { y = "" }', "outputs = [1.5]"),
+        ('outputs = { y = "" }', "outputs = 1979-05-27"),
+        ("[0.0, 1.0]", f"[0, {LONG}]"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\nvalue = {LONG}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nseed = {LONG}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nseed = {'9' * 5000}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nruns = {LONG}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[scales]\ny = {LONG}"),
+        ("[0.0, 1.0]", f"{'[' * 900}1{']' * 900}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[{'.'.join('a' * 900)}]\nb = 1"),
+        ("y = K*u", f"y = {'(' * 900}K*u{')' * 900}"),
+        ("y = K*u", f"y = {'-' * 9000}K*u"),
+        ("y = K*u", f"y = {'+'.join(['K*u'] * 9000)}"),
+        ("y = K*u", f"y = {LONG * 20}*K*u"),
+        ('file = "x.csv"', 'file = "x\\u0000.csv"'),
+        ('file = "x.csv"', 'file = "' + "x" * 5000 + '"'),
+        ('name = "x"', f'name = "x"\n{"k" * 90_000} = 1'),
+        ('name = "x"', f'name = ["{"k" * 90_000}"]'),
+        ("[0.0, 1.0]", "[0.0, 1.0]\n[search]\nmethods = [[]]"),
+        ("[0.0, 1.0]", "[0.0, 1.0]\n[search.settings]\nauto = 7"),
+        ("[0.0, 1.0]", "[0.0, 1.0]\nscale = []"),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [7]'),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = [1] }]'),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "lowpass", signal = [[]], cutoff = {} }]'),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "cut", start = [] }]'),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "drop_outliers", signal = "u", window = "wide" }]'),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "shift_time", signal = "u", by = nan }]'),
+    ],
+    ids=lambda t: t[:24] if isinstance(t, str) else t,
+)
+def test_one_sentence_each(old, new, tmp_path):
+    assert old in TEXT
+    said(TEXT.replace(old, new), tmp_path)
+
+
+def test_the_text_itself_is_good(tmp_path):
+    (tmp_path / "x.csv").write_text("time,u,y\n" + "".join(f"{k},{k % 3},{k % 3}\n" for k in range(30)))
+    assert parse(TEXT, tmp_path / "s.toml").name == "x"
+    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf" + TEXT.encode())  # a byte order mark is fine
+    assert load(tmp_path / "s.toml").name == "x"
+
+
+def test_a_file_that_is_not_text(tmp_path):
+    for content in (TEXT.encode("utf-16"), b"name = '\xff'", bytes(range(256))):
+        (tmp_path / "s.toml").write_bytes(content)
+        with pytest.raises(PlantfitError, match="not UTF-8 text"):
+            load(tmp_path / "s.toml")
+    for name in ("a\0b.toml", "x" * 5000, "nowhere/x.toml"):
+        with pytest.raises(PlantfitError):
+            load(tmp_path / name)

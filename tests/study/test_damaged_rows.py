@@ -1,0 +1,106 @@
+"""Stores and exports with columns of the wrong kind, half characters, and stores where nothing can be written."""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+
+import pytest
+from study_fakes import FakeSearch, objective
+
+from plantfit.errors import PlantfitError, StoreError
+from plantfit.study import Plan, Store, run
+from plantfit.study.importing import read_study
+
+
+@pytest.fixture
+def place(tmp_path):
+    run(Plan("gearmotor", ("pso",), runs=3, budget=30), objective(), Store.open(tmp_path / "s.db"), search=FakeSearch())
+    return tmp_path / "s.db"
+
+
+VALUES = ["text", 7, 1.5, b"\0\1\2", b"", "\xff", "[" * 3000, "null", "[]", "{}", 2**62, float("inf")]
+COLUMNS = {
+    "run": [
+        "seed",
+        "cost",
+        "cost_bits",
+        "x",
+        "parameters",
+        "evaluations",
+        "seconds",
+        "status",
+        "failures",
+        "packing",
+        "history_cost",
+        "extra",
+    ],
+    "study": ["name", "plan", "coordinates", "versions", "notes", "probe", "cpu", "created"],
+}
+
+
+@pytest.mark.parametrize(("table", "column"), [(t, c) for t, columns in COLUMNS.items() for c in columns])
+def test_columns_of_another_kind_are_said_or_read(table, column, place):
+    for value in VALUES:
+        with sqlite3.connect(place) as connection:
+            connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
+        for read in (lambda s: s.studies(), lambda s: s.plan(1), lambda s: [r.cost + r.seconds for r in s.runs(1)], lambda s: s.whole(1)):
+            said = ""
+            try:
+                read(Store.open(place))
+            except PlantfitError as error:
+                said = str(error)
+            assert len(said) < 900
+            assert "\n" not in said
+
+
+def test_wrong_kinds_of_numbers_never_come_out(place):
+    with sqlite3.connect(place) as connection:
+        connection.execute("UPDATE run SET seconds = 'soon'")
+    with pytest.raises(StoreError, match="seconds is 'soon'"):
+        Store.open(place).runs(1)
+
+
+def test_half_characters_in_an_export(place, tmp_path):
+    Store.open(place).export_json(1, tmp_path / "x.json")
+    text = (tmp_path / "x.json").read_text()
+    for spoiled in (text.replace("gearmotor", "\\ud800"), text.replace('"pso"', '"\\udfff"')):
+        (tmp_path / "x.json").write_text(spoiled)
+        with pytest.raises(StoreError, match="not Unicode"):
+            read_study(tmp_path / "x.json")
+    whole = text.replace("gearmotor", "\\ud83d\\ude00")
+    (tmp_path / "x.json").write_text("\ufeff" + whole)
+    assert read_study(tmp_path / "x.json").study.name == "\U0001f600"
+    assert json.loads(whole)
+
+
+def test_a_store_where_nothing_can_be_written_can_be_read(place, monkeypatch):
+    before = place.read_bytes()
+    real = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: real(path, mode) and not (mode == os.W_OK and str(path) == str(place.parent)))
+    store = Store.open(place)
+    assert [s.name for s in store.studies()] == ["gearmotor"]
+    assert len(store.runs(1)) == 3
+    with pytest.raises(StoreError, match="cannot be written"):
+        store.add_note(1, "x")
+    assert place.read_bytes() == before
+
+
+def test_a_read_only_mount(place, tmp_path):
+    mount = tmp_path / "ro"
+    mount.mkdir()
+    bound = (
+        subprocess.run(["mount", "--bind", str(place.parent), str(mount)], capture_output=True, text=True) if os.name == "posix" else None
+    )
+    if bound is None or bound.returncode:
+        pytest.skip("no mount can be made here (it needs root on Linux)")
+    try:
+        if subprocess.run(["mount", "-o", "remount,ro,bind", str(mount)], capture_output=True).returncode:
+            pytest.skip("no mount can be made read-only here")
+        code = "import sys; sys.argv = ['plantfit', 'list', '--store', sys.argv[1]]; from plantfit.cli.start import run; run()"
+        done = subprocess.run([sys.executable, "-c", code, str(mount / place.name)], capture_output=True, text=True, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "gearmotor" in done.stdout
+    finally:
+        subprocess.run(["umount", str(mount)], check=True)

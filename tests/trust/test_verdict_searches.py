@@ -1,0 +1,74 @@
+"""The sentence on local searches is good only where enough ended at the answer and little of the box is unseen."""
+
+import numpy as np
+import pytest
+
+from plantfit.optimize.basins import Basins
+from plantfit.optimize.local import Found
+from plantfit.trust.verdict import _steps
+from plantfit.trust.verdict_searches import search_sentences
+
+
+def told(costs, cut=(), dependent=()):
+    extra = {}
+    basins = Basins(extra)
+    for c in costs:
+        basins.add(Found(np.zeros(1), c))
+    for c in dependent:
+        basins.add(Found(np.zeros(1), c), independent=False)
+    for c in cut:
+        basins.add(Found(np.zeros(1), c, finished=False))
+    [sentence] = search_sentences(extra)
+    return sentence["level"], sentence["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("costs", "cut", "dependent", "level", "part"),
+    [
+        ([1.0] * 8, [], [], "good", "8 of 8 local searches from different starts ended in the best optimum."),
+        (
+            [1.0] * 6 + [2.0] * 6,
+            [],
+            [],
+            "good",
+            "6 of 12 local searches from different starts ended in the best optimum, the others",
+        ),
+        (
+            [1.0] * 3 + [2.0, 3.0, 4.0, 5.0, 6.0],
+            [],
+            [],
+            "warning",
+            "about 75 % of the box is expected",
+        ),
+        ([1.0] + [2.0] * 9, [], [], "warning", "1 of 10 local searches"),
+        ([1.0, 1.0], [], [], "warning", "a better one may exist"),
+        # the answer was cut off, or found by a step away from another answer: no independent search ended there
+        ([1.0] * 8, [0.5], [], "warning", "0 of 8 local searches"),
+        ([1.0] * 8, [], [0.5], "warning", "0 of 9 local searches"),
+        ([], [1.0], [], "warning", "No local search came to its end"),
+        ([1.0], [], [], "warning", "1 of 1 local search from"),
+    ],
+)
+def test_sentences(costs, cut, dependent, level, part):
+    found = told(costs, cut, dependent)
+    assert found[0] == level
+    assert part in found[1]
+
+
+def test_an_affine_problem_needs_no_agreement():
+    [sentence] = search_sentences({"linear": True, "basin_hits": 1, "starts": 1})
+    assert sentence["level"] == "good"
+    assert list(search_sentences({"generations": 4})) == []
+
+
+@pytest.mark.parametrize(
+    ("reached", "refused", "part"),
+    [(200, "", False), (120, "", True), (120, "at t = 3 s state x (1e9) grows without bound", False), (None, "", False)],
+)
+def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
+    output = {"unit": "V", "max_error": 1e-6, "rms_error": 1e-7, "rms_residual": 0.1}
+    simulation = {"recording": "r", "checked_with": "scipy LSODA, rtol 1e-9", "samples": 200, "outputs": {"y": output}}
+    simulation |= {} if reached is None else {"checked_samples": reached}
+    said = [s["sentence"] for s in _steps({"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{}]})]
+    assert any("over the first 120 of 200 samples" in s for s in said) == part
+    assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
