@@ -14,12 +14,13 @@ from plantfit.cli.out import out, print_json
 def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False) -> None:
     """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
     from plantfit import spec as specs
-    from plantfit.problem.steps import choose_substeps
+    from plantfit.problem.steps import choose_substeps, steps_for
     from plantfit.problem.verification import point
 
     study = specs.load(spec)
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
+    problem = steps_for(problem, z)
     record = {**_understood(study, problem), **_simulated(problem, z)}
     if study.errors:
         from plantfit.trust.reading_budgets import reading_budgets
@@ -72,7 +73,7 @@ def _simulated(problem: Any, z: np.ndarray) -> dict[str, Any]:
     np.asarray(problem.costs(z[None, :]))
     simulator = problem.predictor.simulator
     return {
-        "substeps": simulator.substeps if simulator else 0,
+        "substeps": problem.steps_a_sample if simulator else 0,
         "rmse_at_middle": cost**0.5 if np.isfinite(cost) else None,
         "seconds_per_evaluation": time.perf_counter() - started,
     }

@@ -10,12 +10,13 @@ def predict(spec: str, place: str, values: list[str], study: int | None, recordi
     """Write measured and simulated outputs over a whole recording."""
     from plantfit import recording as rec
     from plantfit import spec as specs
-    from plantfit.problem.steps import choose_substeps
+    from plantfit.problem.steps import choose_substeps, steps_for
 
     loaded = specs.load(spec)
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)
     vector = problem.space.vector(named)
+    problem = steps_for(problem, np.asarray(problem.space.cube(vector)))
     name = recording or next(iter(problem.experiments))
     predicted = problem.predict(vector, name)
     source = problem.experiments[name].recording

@@ -59,8 +59,14 @@ class Predictor:
         """The same model simulated with other steps."""
         return Predictor(self.model, simulator)
 
-    def drive(self, experiment: Experiment, stop: int | None = None, longest: Mapping[str, float] | None = None) -> Any:
-        """The numbers of the first `stop` samples of a recording; `longest` as in `Simulator.drive`."""
+    def drive(
+        self,
+        experiment: Experiment,
+        stop: int | None = None,
+        longest: Mapping[str, float] | None = None,
+        mesh: np.ndarray | None = None,
+    ) -> Any:
+        """The numbers of the first `stop` samples of a recording; `longest` and `mesh` as in `Simulator.drive`."""
         r, cut = experiment.recording, slice(None, stop)
         if isinstance(self.model, LinearModel):
             return {o: c[cut] for o, c in self.model.blocks({n: r[n] for n in self.model.signals}).items()}
@@ -73,6 +79,7 @@ class Predictor:
             measured={n: r[n] for n in self.model.outputs},
             longest=longest,
             initial_time=experiment.initial_time,
+            mesh=mesh,
         )
 
     def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:

@@ -78,6 +78,7 @@ class Problem:
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs, initial_time)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
+        self.mesh: Mapping[str, np.ndarray] = {}  # by recording, the times (s) beside samples at which steps end; see problem/mesh.py
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales, self.scale_sources = self._scales(scales)
@@ -97,13 +98,15 @@ class Problem:
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)
-        self._full = {n: self.predictor.drive(e, longest=self._longest()) for n, e in self.experiments.items()}
+        longest = self._longest()
+        self._full = {n: self.predictor.drive(e, longest=longest, mesh=self.mesh.get(n)) for n, e in self.experiments.items()}
         self._index, self._measured, self._fit_drive = {}, {}, {}
         for name, experiment in self.experiments.items():
             mask = experiment.mask("fit")
             if not np.any(mask):
                 continue
-            self._fit_drive[name] = self.predictor.drive(experiment, stop=int(np.flatnonzero(mask)[-1]) + 1, longest=self._longest())
+            stop = int(np.flatnonzero(mask)[-1]) + 1
+            self._fit_drive[name] = self.predictor.drive(experiment, stop=stop, longest=longest, mesh=self.mesh.get(name))
             for output in self.outputs:
                 y = experiment.recording[output]
                 index = np.flatnonzero(mask & np.isfinite(y))
@@ -195,6 +198,12 @@ class Problem:
             other._prepare()  # how much history is kept depends on the steps
         return other
 
+    def with_mesh(self, mesh: Mapping[str, np.ndarray]) -> "Problem":
+        """The same problem with steps that also end at these times (s), by recording; in place of those it had."""
+        other = self._variant(mesh=dict(mesh), _compiled={})
+        other._prepare()
+        return other
+
     def with_recordings(self, recordings: Mapping[str, Recording]) -> "Problem":
         """The same problem on other recordings of the same lengths, one for each name; parts, scales and weights stay.
 
@@ -252,6 +261,21 @@ class Problem:
             numbers = functions.arguments(self._fit_drive, self.scales, self.data, self.weights)
         with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
             return jax.device_put(numbers)
+
+    @property
+    def steps_a_sample(self) -> int | float:
+        """Steps between two samples; with a mesh their mean over the fitted parts."""
+        substeps = 0 if self.predictor.simulator is None else self.predictor.simulator.substeps
+        moving = [d for d in self._fit_drive.values() if isinstance(d, Drive)]
+        if not self.mesh or not moving:
+            return substeps
+        samples = sum(len(d.t) if d.samples is None else len(d.samples) for d in moving)
+        return round(substeps * sum(len(d.t) for d in moving) / samples, 2)
+
+    @property
+    def whole_drives(self) -> dict[str, Drive]:
+        """The numbers of whole recordings that move, fitted or not."""
+        return {n: d for n, d in self._full.items() if isinstance(d, Drive)}
 
     @property
     def _functions(self) -> Direct | Batched | Mixed | Smoothed:
@@ -330,7 +354,7 @@ class Problem:
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
         return [(np.asarray(r), np.asarray(j), np.asarray(own)) for (r, j), own in zip(blocks, self._functions.local, strict=True)]
 
-    def once(self, key: str, make: Callable[[], Any]) -> Any:
+    def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """What `make` gives, made once for this problem and its variants of other scales, steps and strengths of smoothing."""
         if key not in self._compiled:
             self._compiled[key] = make()

@@ -1,4 +1,8 @@
-"""How finely to simulate: step doubling before the fit, at random points of the box and at the answer."""
+"""How finely to simulate: step doubling before the fit, at random points of the box and at the answer.
+
+Few equal steps between samples are tried first. Where they are not enough, a model that is smooth gets a mesh (`mesh`), with steps as
+long as each place allows; others get more equal steps.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -8,32 +12,44 @@ import numpy as np
 from scipy.stats import qmc
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.mesh import MOST_STEPS as MOST_MESHED
+from plantfit.problem.mesh import can_mesh, errors_at, mesh_at
 from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
+from plantfit.simulate.simulator import Drive
 from plantfit.simulate.steppers import ORDER
 
 COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
 SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
 FINE = 0.03  # step error at the answer, as a share of the residual
-FINEST = 64
+EVEN = 4  # equal steps a sample, up to which no mesh is made
+FINEST = 64  # equal steps a sample over the box
+MOST_STEPS = 1_000_000  # of all recordings together, at the answer
+MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
+MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
+EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
+ROUNDS = 4  # of choosing steps at one answer
+LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
 OFTEN = 0.1  # jumps a sample from which on the slope by a dead time is looked at
 DELAY_SHARE = 1e-5  # of its range, by which a dead time is moved to see a slope
 
 
 def choose_substeps(problem: Problem, points: int = 16) -> Problem:
-    """The problem with the fewest substeps (1, 2, 4 .. 64) whose step error is small over most of the box.
+    """The problem with the fewest substeps (1, 2, 4 .. 64) whose step error is small over most of the box, or with a mesh.
 
     At the points of a fixed Sobol sequence the median of rms(step error) / std(output) has to fall
-    under 0.3 %; points that cannot be simulated are left out. Where a late input is held, the error of the slope by its dead time
-    has to fall under 1 % too, or the steps are a quarter: steps are cut at the jumps, and the slope is uneven where these cross
-    samples. It is looked at where bounds of the dead time put a jump on a sample (at three of four points), and anywhere if there
-    are jumps at many samples.
+    under 0.3 %; points that cannot be simulated are left out. Where a mesh can be made, 90 % of the points have to be under 0.3 %, and if
+    4 equal steps are not enough for that, it is a mesh with less than 0.1 % at 90 % of them.
+
+    Where a late input is held, the error of the slope by its dead time has to fall under 1 % too, or the steps are a quarter: steps are
+    cut at the jumps, and the slope is uneven where these cross samples. It is looked at where bounds of the dead time put a jump on a
+    sample (at three of four points), and anywhere if there are jumps at many samples.
     Nothing is done when the user has chosen.
     """
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = qmc.Sobol(problem.space.dimension, scramble=True, rng=0).random(points)
-    problem = _refined_until(problem, _step_error, z, COARSE, FINEST)
+    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _refined_until(problem, _step_error, z, COARSE, FINEST)
     delays, rows = _held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)
     for delay in delays:
@@ -51,22 +67,107 @@ def _refined_until(
     problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, most: int, part: float = 0.5
 ) -> Problem:
     """The problem with steps halved until `error` is below `small` for this part of the rows of z, or there are `most` substeps."""
-    while problem.predictor.stepping().substeps < most:
-        shares = [s for s in (error(problem, row) for row in z) if np.isfinite(s)]
-        if shares and np.quantile(shares, part) < small:
-            break
+    while problem.predictor.stepping().substeps < most and not _small(problem, error, z, small, part):
         problem = problem.with_simulator(problem.predictor.stepping().refined(2))
     return problem
+
+
+def _small(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, part: float = 0.5) -> bool:
+    """Whether `error` is below `small` for this part of the rows of z that can be simulated."""
+    shares = [s for s in (error(problem, row) for row in z) if np.isfinite(s)]
+    return bool(shares and np.quantile(shares, part) < small)
+
+
+def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
+    """The fewest equal steps (1, 2, 4) with a small error at most of the points, or a mesh."""
+    spreads, steps = _all_spreads(problem), 1
+    while steps <= EVEN:
+        errors = errors_at(problem, z, spreads, steps)
+        errors = errors[np.isfinite(errors)]
+        if len(errors) and np.quantile(errors, MESH_PART) < COARSE:
+            return problem if steps == 1 else problem.with_simulator(problem.predictor.stepping().refined(steps))
+        steps *= 2
+    return mesh_at(problem, z, spreads, MESH, MESH_PART)
+
+
+def _all_spreads(problem: Problem) -> dict[str, float]:
+    return {o: max(float(np.std(np.concatenate(_measured(problem, o)))), 1e-300) for o in problem.outputs}
+
+
+def _measured(problem: Problem, output: str) -> list[np.ndarray]:
+    return [own[output] for own in problem.data["measured"].values()]
 
 
 def refined_at(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps halved until their error at the cube point z is under 3 % of the residual."""
+    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made anew there."""
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
-    rms = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
-    while problem.predictor.stepping().substeps < FINEST and _scaled_error(problem, z) > FINE * rms:
-        problem = problem.with_simulator(problem.predictor.stepping().refined(2))
+    if not can_mesh(problem):
+        small = _small_at(problem, z)
+        while problem.predictor.stepping().substeps < FINEST and _scaled_error(problem, z) > small:
+            problem = problem.with_simulator(problem.predictor.stepping().refined(2))
+        return problem
+    for _ in range(ROUNDS):  # the residual of coarse steps may be their error, and finer steps leave less of it
+        finer = _finer_once(problem, z, _small_at(problem, z))
+        if finer is problem:
+            break
+        problem = finer
     return problem
+
+
+def _small_at(problem: Problem, z: np.ndarray) -> float:
+    return max(FINE * float(np.sqrt(np.mean(residuals(problem, z) ** 2))), least(problem))
+
+
+def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
+    """The problem itself where its error at z is small, a few equal steps where they are enough, else a mesh."""
+    steps, factor = problem.predictor.stepping().substeps, 1
+    while factor * steps <= (steps if problem.mesh else EVEN):
+        # halving steps that are far too long may change little: so it has to be with half of them
+        if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
+            return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
+        factor *= 2
+    return mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+
+
+def steps_for(problem: Problem, z: np.ndarray) -> Problem:
+    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, where a mesh can be made.
+
+    For what is simulated at given values; a search keeps the steps that serve all its candidates.
+    """
+    if problem.substeps_chosen or not can_mesh(problem):
+        return problem
+    spreads, z = _all_spreads(problem), np.asarray(z, dtype=float)
+    if max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4)) <= MESH:
+        return problem
+    return mesh_at(problem, z[None, :], spreads, MESH)
+
+
+def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
+    """The problem with a step error below this share of the residual at z; None where steps are as many as are allowed.
+
+    `share` is what an independent solver asked for; how exact the steps are by their own account does not count here.
+    """
+    if problem.substeps_chosen or not problem.predictor.has_steps:
+        return None
+    rms = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
+    if can_mesh(problem):
+        if 4 * _count(problem) > MOST_MESHED:
+            return None
+        return mesh_at(problem, z[None, :], problem.scales, max(share * rms, 0.1 * least(problem)), quarter=True)
+    simulator = problem.predictor.stepping()
+    return problem.with_simulator(simulator.refined(4)) if 4 * _count(problem) <= MOST_STEPS else None
+
+
+def least(problem: Problem) -> float:
+    """A step error that is small enough whatever the residuals are (rms of scaled outputs)."""
+    return LEAST * float(np.sqrt(np.mean([np.var(y) / problem.scales[o] ** 2 for o in problem.outputs for y in _measured(problem, o)])))
+
+
+def _count(problem: Problem) -> int:
+    """Steps of all recordings for one candidate."""
+    drives = problem.data["drive"].values()
+    return problem.predictor.stepping().substeps * sum(len(d.t) for d in drives if isinstance(d, Drive))
 
 
 def _scaled_error(problem: Problem, z: np.ndarray) -> float:

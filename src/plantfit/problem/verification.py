@@ -7,13 +7,16 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
+from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Drive
-from plantfit.simulate.tight import EVALUATIONS, Stopped, follow
+from plantfit.simulate.tight import EVALUATIONS, Stopped, Tight, follow
 from plantfit.simulate.verify import check_steps
 
 FINEST = 256
+KEPT = 40  # records followed by the tight solver that are kept
 CLOSE = 0.01  # of the cost: how far the reported one may be from that of the tight solver
+NOTHING = 1e-5  # of the spread of the measured outputs: a residual (rms) that is nothing, as of data without noise
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Verified:
     max_error: float
     rms_error: float
     samples: int
-    substeps: int
+    substeps: int | float
     checked_with: str
     refused: str | None = None  # where the tight solver could not follow, and what the state did there
 
@@ -55,7 +58,7 @@ def _of_recording(problem: Problem, name: str, p: Any, tolerance: float | None) 
             count = error.last - error.first + 1
             refused = None if error.stopped is None else error.stopped.sentence
             return [
-                Verified(name, o, error.max_error[o], error.rms_error[o], count, simulator.substeps, error.checked_with, refused)
+                Verified(name, o, error.max_error[o], error.rms_error[o], count, variant.steps_a_sample, error.checked_with, refused)
                 for o in problem.outputs
             ]
         variant = variant.with_simulator(simulator.refined(2))
@@ -73,6 +76,7 @@ class CheckedCost:
     stopped: dict[str, Stopped]
     evaluations: int
     samples: int  # compared: those reached with the evaluations allowed, of which both costs are
+    floor: float = 0.0  # a cost that is nothing beside the outputs
 
     @property
     def refused(self) -> str | None:
@@ -89,7 +93,23 @@ class CheckedCost:
     @property
     def confirmed(self) -> bool:
         """Whether the costs agree to 1 %; if not, the fit has to go on with finer steps, or is refused."""
-        return self.off <= CLOSE
+        return self.off <= CLOSE or max(self.cost_reported, self.cost_checked) <= self.floor
+
+
+def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int) -> Tight:
+    """One moving recording by the tight solver at a cube point (d,); the last ones are kept with the problem."""
+    kept, at = problem.once("followed", dict), (name, np.asarray(z, dtype=float).tobytes())
+    key = (*at, evaluations)
+    whole = next((k for k, v in kept.items() if k[:2] == at and not (v.stopped and v.stopped.spent)), key)
+    if whole in kept:
+        return kept[whole]
+    if key not in kept:
+        if len(kept) >= KEPT:
+            kept.clear()
+        values = problem.space.physical(np.asarray(z, dtype=float))
+        p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+        kept[key] = follow(problem.predictor.stepping(), p, problem.data["drive"][name], evaluations=evaluations)
+    return kept[key]
 
 
 def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATIONS) -> CheckedCost:
@@ -98,15 +118,13 @@ def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATI
     `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs.
     Of residuals that are nearly zero, 1 % of a cost is less than the solver's own tolerance; see `CheckedCost.off` for the number.
     """
-    values = problem.space.physical(np.asarray(z, dtype=float))
-    reported = np.asarray(problem.residuals(z))
+    reported = np.asarray(residuals(problem, z))
     tight, begin, stopped, spent = reported.copy(), 0, {}, 0
     for name, drive in problem.data["drive"].items():
         moving = isinstance(drive, Drive) and problem.predictor.has_steps
         found = None
         if moving:
-            p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-            found = follow(problem.predictor.stepping(), p, drive, evaluations=evaluations)
+            found = followed(problem, z, name, evaluations)
             spent += found.evaluations
             if found.stopped is not None and not found.stopped.spent:
                 stopped[name] = found.stopped
@@ -116,10 +134,18 @@ def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATI
             if found is not None:
                 tight[begin : begin + len(index)] = np.sqrt(weight) * (found.outputs[output][index] - measured) / problem.scales[output]
             begin += len(index)
+    floor = NOTHING**2 * float(np.mean(_spreads(problem) ** 2))
     known = np.isfinite(tight)
     if stopped or not np.any(known):
-        return CheckedCost(float(np.mean(reported**2)), np.inf, stopped, spent, int(np.sum(known)))
-    return CheckedCost(float(np.mean(reported[known] ** 2)), float(np.mean(tight[known] ** 2)), stopped, spent, int(np.sum(known)))
+        return CheckedCost(float(np.mean(reported**2)), np.inf, stopped, spent, int(np.sum(known)), floor)
+    cost, checked = (float(np.mean(r[known] ** 2)) for r in (reported, tight))
+    return CheckedCost(cost, checked, stopped, spent, int(np.sum(known)), floor)
+
+
+def _spreads(problem: Problem) -> np.ndarray:
+    """Of the scaled measured outputs, one for each output of each recording."""
+    measured = [(o, y) for own in problem.data["measured"].values() for o, y in own.items() if len(y)]
+    return np.array([np.std(y) / problem.scales[o] for o, y in measured])
 
 
 def point(problem: Problem, named: dict[str, float]) -> np.ndarray:

@@ -119,11 +119,12 @@ class Simulator:
         measured: Mapping[str, np.ndarray] | None = None,
         longest: Mapping[str, float] | None = None,
         initial_time: float | None = None,
+        mesh: np.ndarray | None = None,
     ) -> Drive:
         """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first value).
 
         The states begin at `initial_time` (s), by default at t[0]; until t[0] the inputs are those `before`. Times known beforehand
-        (see `times`) become times of the drive.
+        (see `times`) become times of the drive, and so do those of a `mesh` (k,) that fall inside: steps end there as well.
 
         `measured` outputs are used only for `initial_state`, through their first value that is not missing. `longest` gives
         the largest value (s) of every parameter that delays a state.
@@ -131,7 +132,7 @@ class Simulator:
         before, measured = dict(before or {}), dict(measured or {})
         model = self.vector.model
         t = np.asarray(t, dtype=float)
-        times, samples = self._times(t, initial_time)
+        times, samples = self._times(t, initial_time, mesh)
         value: list[np.ndarray] = []
         slope: list[np.ndarray] = []
         history: dict[str, float] = {}
@@ -165,7 +166,7 @@ class Simulator:
         first, seen = (tuple(float(v) for v in values) for values in (first, seen))
         return Drive(times, tuple(value), tuple(slope), delayed, first, seen, jumps, ring, samples)
 
-    def _times(self, t: np.ndarray, initial_time: float | None) -> tuple[np.ndarray, np.ndarray | None]:
+    def _times(self, t: np.ndarray, initial_time: float | None, mesh: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
         """The times at which steps end, and the places of the samples among them; None where they are the samples."""
         early = np.zeros(0)
         if initial_time is not None and initial_time != t[0]:
@@ -182,6 +183,9 @@ class Simulator:
         if len(known):  # what lies at a sample but for rounding needs no step of its own
             nearest = np.min(np.abs(known[:, None] - begun), axis=1)
             known = known[nearest > 1e-9 * np.median(np.diff(begun))]
+        if mesh is not None:
+            own = np.setdiff1d(mesh, begun)
+            known = np.union1d(known, own[(own > begun[0]) & (own < begun[-1])])
         if not len(early) and not len(known):
             return t, None
         times = np.sort(np.concatenate([begun, known]))

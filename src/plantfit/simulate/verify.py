@@ -9,7 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steppers import ORDER
-from plantfit.simulate.tight import EVALUATIONS, Stopped, follow
+from plantfit.simulate.tight import EVALUATIONS, Stopped, Tight, follow
 
 import jax
 
@@ -29,13 +29,15 @@ class StepError:
     stopped: Stopped | None = None
 
 
-def check_steps(simulator: Simulator, p: Mapping[str, Any], drive: Drive, *, evaluations: int = EVALUATIONS) -> StepError:
+def check_steps(
+    simulator: Simulator, p: Mapping[str, Any], drive: Drive, *, evaluations: int = EVALUATIONS, tight: Tight | None = None
+) -> StepError:
     """The error of a simulation over the whole record, against the solvers of `tight` and at most so many evaluations of theirs.
 
-    Never raises for what a model does: the result tells where it `stopped`. Where not one sample behind the first was reached, errors
-    are infinite.
+    `tight` is what they gave, where that is known. Never raises for what a model does: the result tells where it `stopped`. Where not
+    one sample behind the first was reached, errors are infinite.
     """
-    tight = follow(simulator, p, drive, evaluations=evaluations)
+    tight = follow(simulator, p, drive, evaluations=evaluations) if tight is None else tight
     ours = {o: np.asarray(y) for o, y in jax.jit(simulator.outputs)({k: np.asarray(v, dtype=float) for k, v in p.items()}, drive).items()}
     largest, rms, last = {}, {}, 0
     for name, y in tight.outputs.items():

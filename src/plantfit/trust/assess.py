@@ -9,12 +9,13 @@ import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.problem.steps import step_errors
+from plantfit.problem.verification import followed
 from plantfit.simulate.simulator import Drive
 from plantfit.simulate.verify import by_doubling, check_steps
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.agreement import SAME, agreement, opened
-from plantfit.trust.finish import rounding
+from plantfit.trust.finish import CHECKED, rounding
 from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
@@ -27,8 +28,6 @@ from plantfit.trust.verdict import sentences
 from plantfit.trust.weights import weight_rows
 
 COMBINATIONS = 5  # the worst that are told
-
-CHECKED = 150_000  # evaluations of the tight solver, some 4 s
 
 
 def assess(
@@ -246,7 +245,7 @@ def _simulation(problem, z, values, verify):
     name = _least_exact(problem, z, moving)
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
-    error = check_steps(simulator, p, drive, evaluations=CHECKED) if verify else by_doubling(simulator, p, drive)
+    error = check_steps(simulator, p, drive, tight=followed(problem, z, name, CHECKED)) if verify else by_doubling(simulator, p, drive)
     rows = {}
     for output in problem.outputs:
         index, y = problem.data["index"][name][output], problem.data["measured"][name][output]
@@ -261,7 +260,7 @@ def _simulation(problem, z, values, verify):
         }
     return {
         "stepper": simulator.stepper,
-        "substeps": simulator.substeps,
+        "substeps": problem.steps_a_sample,
         "recording": name,
         "checked_with": error.checked_with,
         "checked_samples": error.last + 1,

@@ -1,7 +1,8 @@
 """From the runs of a search to the final problem, and every run brought to its end on it."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
-from plantfit.problem.steps import refined_at
+from plantfit.problem.steps import EXACT, finer_at, refined_at
+from plantfit.problem.verification import checked_cost
+from plantfit.simulate.simulator import Drive
 from plantfit.study.basins import basins
 from plantfit.trust.descent import STEPS, Descent, descent, polished
 from plantfit.trust.smoothing_strength import choose_strengths
@@ -19,10 +22,14 @@ SEARCHES = 100  # runs that a local search goes on from, at most
 SHARE = 0.1  # evaluations of these searches, as a share of what the runs spent; 200 Jacobians are always allowed
 LEADS = 5  # answers that the final problem is made at, one after another, at most
 SAME_POINT = 1e-6  # of the cube: runs that ended this near each other share one search
-EXACT = 1e-12  # residuals that are rounding, as a share of the outputs
+ROUNDED = 1e-12  # residuals that are rounding, as a share of the outputs
 BETTER = 1e-6  # relative decrease of the cost that makes another answer the better one
 
+CHECKED = 150_000  # evaluations of the tight solver at an answer, all recordings together: some 4 s
+FINER = 6  # times that steps are made finer at one answer because the tight solver asks for it, at most
+
 SEARCHED, SHARED, CUT, LEFT = "searched", "same point", "cut", "left"  # how a run came to the final problem
+REFUSED = "refused"  # its answer exists in the integrator only
 
 
 def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, list[RunResult]]:
@@ -32,8 +39,13 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     own point: runs at one point share a search, at most 100 are searched, first one of each basin. Where another run ends lower
     on the final problem, that answer becomes the best one and the final problem is made anew there. `extra["ended"]` of a run
     says what was done: "searched", "same point" as another run, "cut" before its end, or "left" where it stood; `extra["searched"]`
-    has the point (d,) that the search had ended at. Histories keep the costs that they were made with. Raises SearchError when no
-    run has a finite cost.
+    has the point (d,) that the search had ended at.
+
+    An answer that takes the lead is simulated by an independent solver (`checked_cost`). Is the cost off by more than 1 %, the search
+    goes on with finer steps; can the solver not follow, the answer is "refused" (`extra["refused"]` says where), has an infinite cost,
+    and the next basin takes the lead. Are all refused that were looked at, the last one stays with its cost.
+
+    Histories keep the costs that they were made with. Raises SearchError when no run has a finite cost.
     """
     order = _order(results)
     if not order:
@@ -43,25 +55,98 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
         )
     allowed = max(SHARE * sum(r.evaluations for r in results), STEPS * problem.jacobian_charge)
     twins, ends, lead, led = _twins(results, order), {}, order[0], []
+    refused: dict[int, str] = {}
+    told, kept = "", None
     while True:
         led.append(lead)
         ended = lead not in ends and results[lead].status is Status.converged
         final, own = _settled(problem, ends[lead].z if lead in ends else results[lead].x, ended)
-        ends = _brought(final, {k: ends[k].z if k in ends else results[k].x for k in order if twins[k] == k}, {lead: own}, allowed)
+        final, own, said, stopped = _confirmed(final, own)
+        if stopped:
+            refused.update(dict.fromkeys((twins[k] for k in _basin(results, lead)), stopped))
+            rest = _following(order, twins, refused, kept and kept[1])
+            if kept is None and rest and len(led) < LEADS:
+                lead = rest[0]
+                continue
+            if kept is None:  # no answer that was looked at can be followed: the verdict says so
+                ends = _brought(final, {}, {lead: own}, 0.0)
+                break
+            final, ends, told = kept
+            if not rest or rest[0] in led or len(led) >= LEADS:
+                break
+            lead = rest[0]
+            continue
+        points = {k: ends[k].z if k in ends else results[k].x for k in order if twins[k] == k and k not in refused}
+        ends, told = _brought(final, points, {lead: own}, allowed), said
+        kept = final, ends, told
         best = min(ends, key=lambda k: ends[k].cost)
         if best in led or len(led) == LEADS or ends[best].cost >= (1 - BETTER) * own.cost - rounding(final):
             break
         lead = best
-    left = [k for k in order if twins[k] not in ends]
+    if kept is not None:
+        ends = {k: end for k, end in ends.items() if k not in refused}
+    left = [k for k in order if twins[k] not in ends and twins[k] not in refused]
     costs = dict(zip(left, np.asarray(final.costs(np.array([results[k].x for k in left]))), strict=True)) if left else {}
-    return final, [_result(k, r, twins.get(k), ends, costs) for k, r in enumerate(results)]
+    found = [_result(k, r, twins.get(k), ends, costs, refused) for k, r in enumerate(results)]
+    best = min(range(len(found)), key=lambda k: found[k].cost)
+    found[best] = dataclasses.replace(found[best], extra={**found[best].extra, "steps": told}) if told else found[best]
+    return final, found
+
+
+def _basin(results: Sequence[RunResult], lead: int) -> tuple[int, ...]:
+    """The runs of the same basin as this one: their answer is the same."""
+    groups = basins(np.array([r.cost for r in results]), np.array([r.x for r in results]))
+    return next(g.members for g in groups if lead in g.members)
+
+
+def _following(order: Sequence[int], twins: Mapping[int, int], refused: Mapping[int, str], ends: Any) -> list[int]:
+    """Runs that may take the lead after one that was refused, in order of what they reached."""
+    rest = [k for k in order if twins[k] == k and k not in refused]
+    return rest if ends is None else sorted((k for k in rest if k in ends), key=lambda k: ends[k].cost)
+
+
+def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, str | None]:
+    """The problem with steps as fine as an independent solver asks for, and the search gone on there; what is to be said; why refused.
+
+    The cost of the tight solution has to be that which is reported to 1 % (`CheckedCost.confirmed`). Steps that the user chose stay.
+    """
+    if not problem.predictor.has_steps or not any(isinstance(d, Drive) for d in problem.data["drive"].values()):
+        return problem, own, "", None
+    evaluations, first, share = CHECKED // max(len(problem.data["drive"]), 1), None, EXACT
+    for _ in range(FINER):
+        told = checked_cost(problem, own.z, evaluations=evaluations)
+        if told.stopped:
+            return problem, own, "", told.refused
+        if told.confirmed or not np.isfinite(told.cost_checked):
+            break
+        first = told.off if first is None else first
+        finer = finer_at(problem, own.z, share)
+        if finer is None:
+            break
+        share /= 3.0
+        problem, own = _weighed(finer, descent(finer, own.z))
+    else:
+        told = checked_cost(problem, own.z, evaluations=evaluations)
+        if told.stopped:
+            return problem, own, "", told.refused
+    if first is None:
+        return problem, own, "", None
+    text = f"At the answer the cost of an independent solver was {_percent(first)} off, so that the fit "
+    if told.confirmed:
+        return problem, own, f"{text}went on with finer steps; now it is {_percent(told.off)} off.", None
+    kind = "would need finer steps than were chosen" if problem.substeps_chosen else "went on with finer steps as far as they are made"
+    return problem, own, f"{text}{kind}; it is still {_percent(told.off)} off, more than 1 %.", None
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
 
 
 def rounding(problem: Problem) -> float:
     """A cost that means nothing: residuals that are rounding of the measured outputs."""
     measured = problem.data["measured"].values()
     scaled = np.concatenate([np.asarray(y) / problem.scales[o] for own in measured for o, y in own.items()])
-    return EXACT**2 * float(np.mean(scaled**2))
+    return ROUNDED**2 * float(np.mean(scaled**2))
 
 
 def _order(results: Sequence[RunResult]) -> list[int]:
@@ -88,7 +173,19 @@ def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Des
 
     A search that `ended` there already gets its last digits only.
     """
-    searched, last = problem, polished(problem, z) if ended else descent(problem, z)
+    problem, last = _weighed(problem, polished(problem, z) if ended else descent(problem, z))
+    finer = refined_at(problem, last.z)
+    if finer is not problem:
+        problem, last = finer, descent(finer, last.z)
+    if problem.smoothing is not None and problem.smoothing.asked:
+        chosen = choose_strengths(problem, last.z)
+        problem, last = chosen.problem, descent(chosen.problem, chosen.z)
+    return problem, last
+
+
+def _weighed(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
+    """The problem with scales that its residuals show, and the end of the search there; `last` is that with the scales it has."""
+    searched = problem
 
     def search(changed: Problem, at: np.ndarray) -> np.ndarray:
         nonlocal searched, last
@@ -96,15 +193,7 @@ def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Des
         return last.z
 
     problem, z = weighed(problem, last.z, search)
-    finer = refined_at(problem, z)
-    if finer is not problem:
-        problem, z = finer, search(finer, z)
-    if problem.smoothing is not None and problem.smoothing.asked:
-        chosen = choose_strengths(problem, z)
-        problem, z = chosen.problem, chosen.z
-    if problem is not searched:
-        search(problem, z)
-    return problem, last
+    return problem, last if problem is searched else descent(problem, z)
 
 
 def _brought(problem: Problem, points: dict[int, np.ndarray], known: dict[int, Descent], allowed: float) -> dict[int, Descent]:
@@ -120,10 +209,16 @@ def _brought(problem: Problem, points: dict[int, np.ndarray], known: dict[int, D
     return ends
 
 
-def _result(k: int, r: RunResult, twin: int | None, ends: dict[int, Descent], costs: dict[int, float]) -> RunResult:
+def _result(
+    k: int, r: RunResult, twin: int | None, ends: dict[int, Descent], costs: dict[int, float], refused: Mapping[int, str]
+) -> RunResult:
     """A run with its end on the final problem; its history stays."""
     if twin is None:
         return r  # no finite cost
+    if twin in refused:
+        cost = ends[twin].cost if twin in ends else np.inf  # finite only where nothing else is left to report
+        x = ends[twin].z if twin in ends else r.x
+        return dataclasses.replace(r, x=x, cost=cost, extra={**r.extra, "ended": REFUSED, "refused": refused[twin]})
     if twin not in ends:
         return dataclasses.replace(r, cost=float(costs[k]), extra={**r.extra, "ended": LEFT})
     end = ends[twin]

@@ -27,6 +27,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *residual_sentences(findings),
         *noise_sentences(findings),
         *weight_sentences(findings),
+        *_refused(findings, best),
         *_steps(findings),
         *_failures(findings),
     ]
@@ -41,6 +42,18 @@ def _combinations(findings: Findings) -> Iterator[Sentence]:
     for c in findings["combinations"]:
         if len(c["weights"]) > 1:
             yield say("warning", c["sentence"], relative_sd=c["relative_sd"])
+
+
+def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:
+    """Runs whose answer an independent solver could not follow, and what its cost at the reported answer led to."""
+    refused = [r["extra"]["refused"] for r in findings["runs"] if "refused" in r["extra"]]
+    if refused and "refused" not in best.extra:
+        where = refused[0].removeprefix("The answer is refused: ")
+        which = "A run" if len(refused) == 1 else f"{len(refused)} runs"
+        text = f"{which} ended in an answer that exists in the integrator only and was passed over: {where}"
+        yield say("warning", text, refused=len(refused))
+    if told := best.extra.get("steps"):
+        yield say("warning" if "still" in told else "info", told)
 
 
 def _steps(findings: Findings) -> Iterator[Sentence]:

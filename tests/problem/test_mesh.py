@@ -1,0 +1,126 @@
+"""A mesh of its own for every record: exact where equal steps are not, and a pure function of the candidate."""
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+from plantfit.problem import Problem, checked_cost
+from plantfit.problem.mesh import can_mesh, effects, errors_at, mesh_at
+from plantfit.problem.steps import choose_substeps, refined_at, steps_for
+from plantfit.recording import from_arrays
+from plantfit.simulate.array_steppers import STEPPERS as ARRAY_STEPPERS
+from plantfit.simulate.array_steppers import Rates
+from plantfit.simulate.steppers import STEPPERS
+
+T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
+# a fast state feeds a slow one: y = b (exp(-k t) - exp(-f t)) / (f - k), a corner at the start that samples do not show
+FAST = pf.equations(
+    "a' = -f*a\n b' = a*f/100 - k*b\n y = b",
+    states={"a": {"initial": 100.0}, "b": {}},
+    outputs=["y"],
+    parameters={"f": {"bounds": (1.0, 1000.0), "scale": "log"}, "k": {"bounds": (0.01, 10.0), "scale": "log"}},
+)
+
+
+def truth(f, k, t=T):
+    return f * (np.exp(-k * t) - np.exp(-f * t)) / (f - k)
+
+
+def problem_of(model=FAST, y=None, t=T, **more):
+    return Problem(model, from_arrays(t, signals={"y": truth(200.0, 0.3) if y is None else y}, name="run"), **more)
+
+
+def at(problem, **values):
+    return np.asarray(problem.space.cube(problem.space.vector(values)))
+
+
+def test_a_mesh_is_exact_where_equal_steps_are_not_and_puts_its_steps_into_the_corner():
+    problem = problem_of()
+    z = at(problem, f=200.0, k=0.3)
+    fine = mesh_at(problem, z[None, :], {"y": 1.0}, 1e-4)
+    error = np.max(np.abs(fine.predict(np.array([200.0, 0.3]))["y"] - truth(200.0, 0.3)))
+    drive = fine.data["drive"]["run"]
+    assert error < 4e-4 < np.max(np.abs(problem.predict(np.array([200.0, 0.3]))["y"] - truth(200.0, 0.3)))
+    assert len(drive.t) < 60  # as long as the shortest they would be 80
+    assert np.min(np.diff(drive.t)) < 0.2 < 1.0 < np.max(np.diff(drive.t))
+    assert np.argmin(np.diff(drive.t)) == 0
+    np.testing.assert_array_equal(drive.t[drive.samples], T)
+    assert errors_at(fine, z[None, :], {"y": 1.0})[0] <= 1e-4
+
+
+def test_estimated_errors_are_those_against_the_closed_form():
+    problem = problem_of(stepper="rosenbrock").with_mesh({"run": np.linspace(0, 10, 641)[1:-1]})
+    z = at(problem, f=20.0, k=0.3)
+    error = problem.predict(np.array([20.0, 0.3]))["y"] - truth(20.0, 0.3)
+    found = effects(problem, z[None, :], "run", {"y": 1.0})[0]
+    np.testing.assert_allclose(found.error, error, atol=0.1 * np.max(np.abs(error)))
+    # what the steps add cannot be less than what all of them make
+    assert np.linalg.norm(found.error) <= 1.1 * np.sum(found.share)
+
+
+def test_costs_on_a_mesh_are_pure_and_derivatives_are_those_of_the_mesh():
+    problem = mesh_at(problem_of(), at(problem_of(), f=200.0, k=0.3)[None, :], {"y": 1.0}, 1e-3)
+    zs = np.random.default_rng(0).random((40, 2))
+    together = np.asarray(problem.costs(zs))
+    alone = np.array([float(problem.costs(z[None, :])[0]) for z in zs[:4]])
+    np.testing.assert_array_equal(together[:4], alone)
+    z, h = np.array([0.6, 0.4]), 1e-6
+    _, gradient = problem.value_and_gradient(z)
+    _, jacobian = problem.residuals_and_jacobian(z)
+    for i, e in enumerate(np.eye(2)):
+        central = (float(problem.cost(z + h * e)) - float(problem.cost(z - h * e))) / (2 * h)
+        column = (np.asarray(problem.residuals(z + h * e)) - np.asarray(problem.residuals(z - h * e))) / (2 * h)
+        np.testing.assert_allclose(gradient[i], central, rtol=1e-5)
+        np.testing.assert_allclose(jacobian[:, i], column, atol=1e-6)
+
+
+def test_steps_are_chosen_for_most_of_the_box_at_the_answer_and_for_given_values():
+    # logistic growth from little: between two samples it goes from nothing to its end
+    text = "y' = r*y*(1 - y)"
+    growth = pf.equations(text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}})
+    y = 1.0 / (1.0 + (1e4 - 1.0) * np.exp(-3.0 * T))
+    chosen, again = choose_substeps(problem_of(growth, y)), choose_substeps(problem_of(growth, y))
+    assert chosen.mesh
+    np.testing.assert_array_equal(chosen.mesh["run"], again.mesh["run"])
+    problem = problem_of(growth, y)
+    z = at(problem, r=3.0)
+    assert np.max(np.abs(problem.predict(np.array([3.0]))["y"] - y)) > 0.01
+    assert np.max(np.abs(steps_for(problem, z).predict(np.array([3.0]))["y"] - y)) < 1e-3
+    noisy = problem_of(growth, y + 0.01 * np.random.default_rng(1).standard_normal(len(T)))
+    assert checked_cost(refined_at(noisy, z), z).off < 0.06  # 3 % of the residual; the rest is for `finish`
+    assert checked_cost(noisy, z).off > 1.0
+
+
+def test_fine_samples_keep_their_single_step():
+    t = np.linspace(0, 10, 400)
+    slow = pf.equations("y' = -k*y", states={"y": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}})
+    problem = Problem(slow, from_arrays(t, signals={"y": np.exp(-0.3 * t)}, name="run"))
+    chosen = choose_substeps(problem)
+    assert not chosen.mesh
+    assert chosen.predictor.stepping().substeps == 1
+
+
+def test_jumps_and_long_records_get_equal_steps():
+    text = "y' = -k\n when falling(y): y = 1"
+    jumping = pf.equations(text, states={"y": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 1)}})
+    assert not can_mesh(problem_of(jumping, np.zeros(len(T))))
+    t = np.linspace(0, 10, 5000)
+    assert not can_mesh(problem_of(y=truth(200.0, 0.3, t), t=t))
+    assert can_mesh(problem_of())
+
+
+@pytest.mark.parametrize("name", ["exponential", "rosenbrock", "rk4"])
+def test_steps_on_arrays_are_those_on_scalars(name):
+    model = pf.equations(
+        "a' = -q*a*b + u\n b' = a - b*b*c\n c' = sin(b) - c*u\n y = a",
+        inputs=["u"], states=["a", "b", "c"], outputs=["y"], parameters={"q": {"bounds": (0.1, 1)}},
+    )  # fmt: skip
+    problem = Problem(model, from_arrays(T, signals={"u": T, "y": T}, name="run"))
+    vector = problem.predictor.stepping().vector
+    random = np.random.default_rng(3)
+    x, u0, u1 = random.random((5, 3)), random.random((5, 2)), random.random((5, 2))
+    h, q = random.random(5), random.random(5)
+    found = ARRAY_STEPPERS[name](Rates(vector), x, u0, u1, h, (q,))
+    for k in range(5):
+        own = STEPPERS[name](vector.rate, tuple(x[k]), tuple(u0[k]), tuple(u1[k]), h[k], (q[k],), True)
+        np.testing.assert_allclose(found[k], np.array(own, dtype=float), rtol=1e-11)

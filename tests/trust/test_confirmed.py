@@ -1,0 +1,43 @@
+"""Answers confirmed by an independent solver: the fit goes on finer where the cost is off, and refuses what nothing can follow."""
+
+import numpy as np
+
+import plantfit as pf
+from plantfit.errors import Status
+from plantfit.optimize.contract import RunResult
+from plantfit.problem import Problem, checked_cost
+from plantfit.recording import from_arrays
+from plantfit.trust.finish import REFUSED, finish
+
+T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
+NOISE = 0.01 * np.random.default_rng(1).standard_normal(len(T))
+
+
+def ended(z, cost, number=0):
+    none = np.zeros(0)
+    return RunResult("least_squares", number, 1, np.asarray(z, dtype=float), cost, 100.0, 0.0, Status.converged, none, none, 0, {})
+
+
+def test_a_fit_goes_on_with_finer_steps_until_the_cost_is_right():
+    text = "y' = r*y*(1 - y)"
+    model = pf.equations(text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}})
+    y = 1.0 / (1.0 + (1e4 - 1.0) * np.exp(-3.0 * T)) + NOISE
+    coarse = Problem(model, from_arrays(T, signals={"y": y}, name="run"))
+    z = np.asarray(coarse.space.cube(np.array([3.0])))
+    assert not checked_cost(coarse, z).confirmed
+    problem, (run,) = finish(coarse, [ended(z, float(coarse.cost(z)))])
+    assert checked_cost(problem, run.x).confirmed
+    np.testing.assert_allclose(np.asarray(problem.space.physical(run.x)), 3.0, rtol=0.01)
+
+
+def test_an_answer_behind_a_pole_is_refused_with_time_and_state():
+    # x' = k x^2 from 1 has its pole at 1/k; steps of 1 s jump over it, and data are what they give there
+    model = pf.equations("x' = k*x^2\n y = x", states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.01, 5.0)}})
+    y = Problem(model, from_arrays(T, signals={"y": T}, name="run"), substeps=1).predict(np.array([4.0]))["y"]
+    problem = Problem(model, from_arrays(T, signals={"y": y + 1e-3 * NOISE}, name="run"), substeps=1)
+    behind = np.asarray(problem.space.cube(np.array([4.0])))
+    _, (run,) = finish(problem, [ended(behind, float(problem.cost(behind)))])
+    assert run.extra["ended"] == REFUSED
+    assert "in recording run, at t = 0.2" in run.extra["refused"]
+    assert "state x" in run.extra["refused"]
+    assert np.isfinite(run.cost)  # nothing else is left to report: the verdict says that it is refused
