@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import Status, StoreError
+from plantfit.recording.panics import unheard
 from plantfit.study.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
 from plantfit.study.plan import MOST_RUNS
@@ -68,10 +69,12 @@ def _refuse_surrogates(record: Any) -> None:
 
 def _from_parquet(path: Path) -> WholeStudy:
     try:
-        text = pl.read_parquet_metadata(path).get("plantfit")
+        with unheard():
+            text = pl.read_parquet_metadata(path).get("plantfit")
         if text is None:
             raise _Refused('is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export` wrote')
-        frame = pl.read_parquet(path)
+        with unheard():
+            frame = pl.read_parquet(path)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         reason = (str(error).splitlines() or ["unreadable"])[0]
         raise _Refused(f"is a broken Parquet file ({reason}); {AGAIN}") from error
