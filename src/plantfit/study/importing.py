@@ -13,6 +13,7 @@ import polars as pl
 
 from plantfit.errors import Status, StoreError
 from plantfit.recording.panics import unheard
+from plantfit.recording.tried import crash
 from plantfit.study.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
 from plantfit.study.plan import MOST_RUNS
@@ -68,6 +69,9 @@ def _refuse_surrogates(record: Any) -> None:
 
 
 def _from_parquet(path: Path) -> WholeStudy:
+    why = crash("parquet", path)
+    if why is not None:
+        raise _Refused(f"is a broken Parquet file (reading it {why}); {AGAIN}")
     try:
         with unheard():
             text = pl.read_parquet_metadata(path).get("plantfit")
