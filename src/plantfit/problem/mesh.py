@@ -14,7 +14,7 @@ steps halved.
 A mesh is data: costs, gradients and Jacobians are exact for it, whatever candidates are simulated side by side.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -207,9 +207,9 @@ def _reach(local: np.ndarray, forwards: np.ndarray, squares: np.ndarray) -> np.n
 
 
 def mesh_at(
-    problem: Problem, zs: Sequence[np.ndarray], units: Mapping[str, float], tolerance: float, part: float = 1.0, *, quarter: bool = False
+    problem: Problem, zs: np.ndarray, units: Mapping[str, float], tolerance: float, part: float = 1.0, *, quarter: bool = False
 ) -> Problem:
-    """The problem on a mesh with one step in each interval, whose error at the cube points `zs` is below `tolerance` (rms) in `units`.
+    """The problem on a mesh with one step in each interval, whose error at the cube points zs (C, d) is below `tolerance` (rms) in `units`.
 
     It is made anew, from samples and known times alone, or with `quarter` from a quarter of the steps there are: halving too long steps
     can change nothing and say nothing. It is below at this `part` of the points at least; points that no mesh lets
@@ -249,7 +249,7 @@ def errors_at(problem: Problem, zs: np.ndarray, units: Mapping[str, float], fact
         return np.array([np.sqrt(np.mean(np.concatenate([r.error for r in row]) ** 2)) for row in zip(*found, strict=True)])
 
 
-def _refined(problem: Problem, zs: Sequence[np.ndarray], units: Mapping[str, float], tolerance: float, part: float) -> tuple[Any, bool]:
+def _refined(problem: Problem, zs: np.ndarray, units: Mapping[str, float], tolerance: float, part: float) -> tuple[Any, bool]:
     """Times of a finer mesh by recording, None where this one is fine enough; and whether all recordings could be followed somewhere."""
     finer, changed, seen = {}, False, True
     for name, drive in problem.whole_drives.items():
