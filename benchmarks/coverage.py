@@ -208,17 +208,17 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, default=None, help="where the rows are kept")
     options = parser.parse_args()
-    rows: list[dict] = []  # of all rigs
+    rows: list[dict] = []
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         for name in options.rigs:
             parts = np.array_split(np.arange(1, options.fits + 1), options.workers)
             found = [f for part in pool.map(fits, [name] * len(parts), [p.tolist() for p in parts]) for f in part]
             rows += table(name, found)
             print(f"{name}: {len(found)} fits", flush=True)
-    holm(rows)
+            holm(rows)
+            if options.json:  # what is done stays when the next rig takes long
+                options.json.write_text(json.dumps(rows, indent=1))
     print(report(rows))
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":

@@ -121,7 +121,9 @@ def sandwich(
     """
     spread = bread @ prior @ bread
     if not robust:
-        return spread + bread @ (normal_matrix(j, blocks) / variance) @ bread
+        # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
+        influences = (j[block.rows] @ bread for block in blocks)
+        return spread + sum((i.T @ i for i in influences), np.zeros_like(spread)) / variance
     alike = spread.copy()
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
