@@ -25,7 +25,7 @@ RUNS = 3
 def study(folder: Path, acknowledged: int) -> None:
     """Make a store, work off a study and export it; each finished run and each export is told to the pipe once the call has returned."""
     store = Store.open(folder / "study.db", busy_timeout=0.2)
-    study_id = store.add(plan("faulty", RUNS), spec_text="name = 'x'", coordinates=NAMES, probe=b"p")
+    study_id = store.add(plan("faulty", RUNS), spec_text="name = 'x'", coordinates=NAMES, probe=b"\0" * 64)
     os.write(acknowledged, b"study\n")
     me = new_worker()
     while (claim := store.claim(study_id, me)) is not None:

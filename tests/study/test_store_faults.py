@@ -25,10 +25,10 @@ def tried(tmp_path, stride):
 
 
 def test_some_faults_lose_nothing(tmp_path):
-    told = tried(tmp_path, 11)
+    told = tried(tmp_path, 59)
     assert told["found"] == []
     assert told["calls"] > 50  # the library counts
-    assert sum(told["trials"].values()) > 20
+    assert min(told["trials"].values()) > 3
 
 
 @pytest.mark.slow
