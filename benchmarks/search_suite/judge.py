@@ -122,10 +122,17 @@ class WatchedProjection:
     def charge(self) -> float:
         return self.inner.charge
 
-    def rows(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        r, jacobian, points = (np.asarray(a, dtype=float) for a in self.inner.rows(zn))
+    @property
+    def cost_charge(self) -> float:
+        return self.inner.cost_charge
+
+    def rows(self, zn: np.ndarray, below: np.ndarray | None = None, /) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        r, jacobian, points, whole = (np.asarray(a) for a in self.inner.rows(zn, below))
         self.watch.see(points, r)
-        return r, jacobian, points
+        return r, jacobian, points, whole
+
+    def sample(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray]:
+        return self.inner.sample(zn)
 
 
 def judge(

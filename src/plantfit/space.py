@@ -27,6 +27,11 @@ class Parameter:
     warm starts begin there as well. `smooth` is for tables: the strength with which their second differences are kept small,
     one for each axis or for all, or "cross-validated" or "reml" (see `problem.smoothing`).
 
+    `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible: intervals reach beyond
+    bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps that sign (a mass, a dead time), and
+    one whose bounds hold both signs has no limit. `typical` is a size that matters, in `unit`: a value is called determined when its
+    interval is small against that or against the value, whichever is larger.
+
     With a `shape`, (n,) or (ny, nu), it is an array, as the values of a table are. Each bound, and
     `value` and `start`, is then a number for all entries or nested sequences of that shape.
     """
@@ -41,15 +46,20 @@ class Parameter:
     sentence: str = ""
     shape: tuple[int, ...] = ()
     smooth: float | tuple[float, ...] | str | None = None
+    limits: tuple[float, float] | None = None
+    typical: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("bounds", "value", "start", "shape", "smooth"):
+        for name in ("bounds", "value", "start", "shape", "smooth", "limits"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One axis of the cube. `recording` is None for a shared parameter, `index` () for a single number."""
+    """One axis of the cube. `recording` is None for a shared parameter, `index` () for a single number.
+
+    `limits` are the physical ones (low, high), `typical` a size that matters, 0 where none was given.
+    """
 
     parameter: str
     recording: str | None
@@ -58,6 +68,8 @@ class Coordinate:
     upper: float
     log: bool
     index: tuple[int, ...] = ()
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    typical: float = 0.0
 
     @property
     def name(self) -> str:
@@ -152,9 +164,11 @@ class Space:
                 _check_value(name, p)
             else:
                 low, high = _checked_bounds(name, p)
+                limits, typical = _checked_limits(name, p, float(np.min(low)), float(np.max(high))), _checked_typical(name, p)
                 for recording in self.recordings if p.per_recording else (None,):
                     for index in np.ndindex(p.shape):
-                        yield Coordinate(name, recording, p.unit, float(low[index]), float(high[index]), p.scale == "log", index)
+                        bounds = float(low[index]), float(high[index])
+                        yield Coordinate(name, recording, p.unit, *bounds, p.scale == "log", index, limits, typical)
 
     def _check_tie(self, name: str) -> None:
         root = self.root(name)
@@ -254,6 +268,29 @@ def _checked_bounds(name: str, p: Parameter) -> tuple[np.ndarray, np.ndarray]:
     for index in np.ndindex(p.shape):
         _check_pair(_entry(name, index), float(low[index]), float(high[index]), p.scale)
     return low, high
+
+
+def _checked_limits(name: str, p: Parameter, low: float, high: float) -> tuple[float, float]:
+    """What is physically possible of a parameter whose entries are searched from `low` to `high`."""
+    if p.limits is None:
+        return (0.0 if low >= 0 else -np.inf), (0.0 if high <= 0 else np.inf)
+    if isinstance(p.limits, str) or len(p.limits) != 2 or not all(_is_number(v) and not np.isnan(v) for v in p.limits):
+        raise SpaceError(f"Parameter {name!r} has limits {p.limits!r}; give two numbers (low, high), infinite where there is no limit.")
+    least, most = float(p.limits[0]), float(p.limits[1])
+    if low < least or high > most:
+        raise SpaceError(
+            f"Parameter {name!r} is searched from {low:g} to {high:g}, beyond its physical limits [{least:g}, {most:g}]; "
+            "narrow the bounds or widen the limits."
+        )
+    return least, most
+
+
+def _checked_typical(name: str, p: Parameter) -> float:
+    if p.typical is None:
+        return 0.0
+    if not _is_number(p.typical) or not 0 < p.typical < np.inf:
+        raise SpaceError(f"Parameter {name!r} has typical = {p.typical!r}; give a size above 0 in its unit.")
+    return float(p.typical)
 
 
 def _check_pair(name: str, low: float, high: float, scale: str) -> None:

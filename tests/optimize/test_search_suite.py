@@ -78,7 +78,7 @@ def test_judge_sees_searches_that_stopped_midway(monkeypatch):
     def stopped(objective, *_, **__):
         projected = objective.projected()
         rows = [projected.rows(np.array([[0.3 + s, 0.4]])) for s in (0.0, 1e-11, 2e-11)]
-        costs = [float(np.mean(r**2)) for r, _, _ in rows]
+        costs = [float(np.mean(r**2)) for r, *_ in rows]
         extra = {"basin_hits": 3, "starts": 3, "local_costs": costs}
         return [SimpleNamespace(cost=min(costs), x=rows[0][2][0], status="converged", extra=extra, evaluations=3.0, seconds=0.0)]
 

@@ -9,9 +9,11 @@ from scipy.optimize import least_squares, lsq_linear
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models import Declared, LinearModel, equations, first_order
+from plantfit.optimize.counter import Counter
 from plantfit.problem import Problem, Projection
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
+from plantfit.study.objective import objective_of
 
 import jax.numpy as jnp
 
@@ -124,7 +126,7 @@ def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
 def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
     projection = projected(made(kind), full=full)
     zn = points(projection)
-    r, jacobian, z = projection.rows(zn)
+    r, jacobian, z, _ = projection.rows(zn)
     k = projection.dimension + 1
     assert r.shape == (3, k)
     assert jacobian.shape == (3, k, k - 1)
@@ -137,12 +139,49 @@ def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
         np.testing.assert_allclose(gradient, expected, rtol=2e-6, atol=1e-7 * np.abs(expected).max() + 1e-11)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_sample_costs_what_the_answer_costs(kind):
+    projection = projected(made(kind))
+    zn = points(projection, 8)
+    costs, z = projection.sample(zn)
+    np.testing.assert_allclose(costs, projection.costs(zn), rtol=1e-7)
+    np.testing.assert_allclose(projection.problem.costs(z), costs, rtol=1e-6)
+    np.testing.assert_array_equal(z[:, projection.kept], zn)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rows_above_a_limit_are_left_after_their_cost(kind):
+    projection = projected(made(kind))
+    zn = points(projection, 6)
+    costs = projection.costs(zn)
+    limit = np.full(6, float(np.median(costs)))
+    part, every = projection.rows(zn, limit), projection.rows(zn)
+    assert np.all(part.whole[costs <= limit])
+    assert not np.any(part.whole[costs > limit * (1 + 1e-5)])
+    assert np.all(every.whole)
+    np.testing.assert_allclose(np.mean(part.r**2, axis=1), costs, rtol=1e-7)
+    for a, b in zip(part, every, strict=True):
+        np.testing.assert_array_equal(a[part.whole], b[part.whole])
+
+
+def test_a_row_that_is_left_and_a_sample_cost_one_jacobian():
+    projection = projected(made("curve at its bounds"))
+    objective = objective_of(projection.problem)
+    counter = Counter(objective, 1e6)
+    counter.projected = projection
+    zn = points(projection, 4)
+    counter.projected_costs(zn)
+    assert counter.spent == 4 * objective.jacobian_charge
+    counter.projected_rows(zn, np.array([0.0, 0.0, 0.0, np.inf]))
+    assert counter.spent == (4 + 3 + 2) * objective.jacobian_charge
+
+
 @pytest.mark.parametrize("kind", [k for k in KINDS if k not in ("process", "two outputs", "balance", "at rest", "tied")])
 def test_full_derivatives_are_those_of_the_residuals_at_the_answer(kind):
     p = made(kind)
     projection, simple = projected(p, full=True), projected(p)
     zn = points(projection)
-    for i, (_, jacobian, _) in enumerate(zip(*projection.rows(zn), strict=True)):
+    for i, (_, jacobian, *_) in enumerate(zip(*projection.rows(zn), strict=True)):
         moved = slopes(lambda zn: whole(p, projection.lift(zn)[0]), zn[i])
         expected = moved.T @ moved / len(moved)
         found = jacobian.T @ jacobian / len(jacobian)
@@ -178,7 +217,7 @@ def test_a_purely_linear_problem_has_no_coordinate_left():
     p = problem(text("y = a*u + b", "a b"), {"a": (-50.0, 50.0), "b": (-50.0, 50.0)})
     projection = projected(p)
     assert projection.dimension == 0
-    r, jacobian, z = projection.rows(np.zeros((1, 0)))
+    r, jacobian, z, _ = projection.rows(np.zeros((1, 0)))
     assert r.shape == (1, 1)
     assert jacobian.shape == (1, 1, 0)
     record = p.experiments["r0"].recording
@@ -206,7 +245,7 @@ def test_more_linear_coordinates_than_samples_leave_no_residual():
     entries = curve(lambda u, p: sum(p["b"][i] * jnp.cos(i * p["w"] * u) for i in range(6)), {"b": (6,), "w": ()})
     record = Recording(np.arange(4.0), {"u": Signal(np.arange(4.0)), "y": Signal(np.array([1.0, 2.0, 0.5, 1.5]))}, "short")
     projection = projected(Problem(entries, record, {"b": (-50.0, 50.0)}))
-    r, jacobian, _ = projection.rows([[0.4]])
+    r, jacobian, *_ = projection.rows([[0.4]])
     assert np.all(np.isfinite(jacobian))
     assert np.sum(r**2) < 1e-24
 
@@ -215,7 +254,7 @@ def test_candidates_that_cannot_be_simulated_spare_their_neighbours():
     p = problem(curve(lambda u, p: p["a"] * jnp.sqrt(p["c"] - 1.0) * u + p["b"], {"a": (), "b": (), "c": ()}))
     projection = projected(p)
     zn = np.array([[0.1], [0.6], [0.2], [0.9]])
-    r, jacobian, z = projection.rows(zn)
+    r, jacobian, z, _ = projection.rows(zn)
     assert np.isnan(r).all(axis=1).tolist() == [True, False, True, False]
     assert np.isnan(jacobian).all(axis=(1, 2)).tolist() == [True, False, True, False]
     assert np.all(np.isfinite(z))
@@ -226,7 +265,7 @@ def test_candidates_that_cannot_be_simulated_spare_their_neighbours():
 @pytest.mark.parametrize("steep", [70.0, 120.0, 400.0])
 def test_columns_too_large_to_be_squared_are_no_candidates(steep):
     projection = projected(problem(text(f"y = a*exp({steep}*b*u) + c", "a b c"), {"a": (-9.0, 9.0), "c": (-9.0, 9.0)}))
-    r, _, z = projection.rows([[1.0], [0.0]])
+    r, _, z, _ = projection.rows([[1.0], [0.0]])
     assert np.isnan(r[0]).all()
     assert projection.costs([[1.0]])[0] == np.inf
     assert np.all(np.isfinite(z))

@@ -150,6 +150,10 @@ def _checked(where: str, p: Declared) -> Declared:
             raise ModelError(f"{where}: {what} has bounds {p.bounds!r}; write two numbers, (low, high).")
         low, high = (_numbers(where, f"a bound of {what}", b) for b in p.bounds)
         p = replace(p, bounds=(low, high))
+    if p.limits is not None:
+        if isinstance(p.limits, str) or not isinstance(p.limits, Iterable) or len(tuple(p.limits)) != 2:
+            raise ModelError(f"{where}: {what} has limits {p.limits!r}; write two numbers, (low, high), infinite where there is no limit.")
+        p = replace(p, limits=tuple(p.limits))
     _unit(where, "parameter", p.name, p.unit)
     return p
 

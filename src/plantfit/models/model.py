@@ -20,6 +20,7 @@ class Declared:
     `bounds` are in `unit`; None means that the study must give them. `value` is set for constants
     that the data are not asked about. With a `shape`, (n,) or (ny, nu), it is an array (the values of
     a table); each bound and `value` is then one number for all entries or nested tuples of that shape.
+    `limits` (low, high) are physical ones, infinite where there is none, and `typical` a size that matters (`plantfit.space.Parameter`).
     """
 
     name: str
@@ -29,6 +30,8 @@ class Declared:
     value: Numbers | None = None
     sentence: str = ""
     shape: tuple[int, ...] = ()
+    limits: tuple[float, float] | None = None
+    typical: float | None = None
 
 
 @dataclass(frozen=True)

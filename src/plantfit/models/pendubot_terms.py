@@ -21,8 +21,8 @@ BASE_UNITS = {"b1": "kg*m^2", "b2": "kg*m^2", "b4": "kg*m", "b5": "kg*m"}
 _PHYSICAL = (
     Declared("m1", "kg", (0.001, 0.4), sentence="mass of link 1"),
     Declared("m2", "kg", (0.001, 0.4), sentence="mass of link 2"),
-    Declared("lc1", "m", (0.001, 0.15), sentence="joint 1 to the centre of mass of link 1"),
-    Declared("lc2", "m", (0.001, 0.3), sentence="joint 2 to the centre of mass of link 2"),
+    Declared("lc1", "m", (0.001, 0.15), sentence="joint 1 to the centre of mass of link 1", limits=(0.0, 0.15)),
+    Declared("lc2", "m", (0.001, 0.3), sentence="joint 2 to the centre of mass of link 2", limits=(0.0, 0.3)),
     Declared("I1", "kg*m^2", (1e-4, 1e-3), sentence="inertia of link 1 about its centre of mass"),
     Declared("I2", "kg*m^2", (1e-4, 1e-3), sentence="inertia of link 2 about its centre of mass"),
 )

@@ -64,7 +64,7 @@ class Auto:
 
     needs: ClassVar[Needs] = Needs()
     share: float = number(0.15, 0.0, 0.9, "largest share of the budget for the sample before the local searches")
-    second: float = number(0.3, 0.0, 0.9, "share of the budget for a second sample, where least-squares searches end in several optima")
+    second: float = number(0.2, 0.0, 0.9, "share of the budget for a second sample, where least-squares searches end in several optima")
     agree: int = integer(3, 1, 1_000_000, "stop after so many independent starts ended in the best basin")
     searches: int = integer(8, 1, 1_000_000, "fewest local searches")
     unseen: float = number(0.02, 1e-6, 1.0, "stop only when at most this share of the box is expected to lead to optima not seen yet")
@@ -114,7 +114,7 @@ class Auto:
         """Spread points (n, d) and their costs (n,); with the affine parameters solved for where the search does so."""
         projected = counter.projected
         dimension = objective.dimension if projected is None else len(projected.kept)
-        price = 1.0 if projected is None else projected.charge
+        price = 1.0 if projected is None else projected.cost_charge
         n = int(allowed / price if large else min(max(64, 16 * dimension), allowed / price))
         if not n:
             return np.zeros((0, objective.dimension)), np.zeros(0)
@@ -126,8 +126,13 @@ class Auto:
     def _costs(counter: Counter, points: np.ndarray) -> np.ndarray:
         if counter.projected is None:
             return counter.costs(points)
-        rows = counter.projected_rows(points[:, counter.projected.kept])
-        return rows.cost / rows.r.shape[1]
+        return counter.projected_costs(points[:, counter.projected.kept])
+
+    @staticmethod
+    def _order(counter: Counter, spread: Spread, points: np.ndarray, costs: np.ndarray) -> list[int]:
+        """Numbers of the sample's points, as starts; only coordinates that are searched keep them apart."""
+        places = spread.places(points)
+        return far_apart(places if counter.projected is None else places[:, counter.projected.kept], costs)
 
     def _search(self, objective: Objective, counter: Counter, start: np.ndarray, budget: int, steps: int) -> Found:
         if by_residuals(objective, budget):
@@ -148,19 +153,18 @@ class Auto:
     ) -> Iterator[Start]:
         """Best sample, warm starts, further samples far from each other, then in turn the next sample, a step away from the best
         point, a new point of the spread. A second, larger sample is drawn when twice `searches` starts met several optima."""
-        apart, rest = far_apart(spread.places(points), costs)
+        order = self._order(counter, spread, points, costs)
         warm = [] if objective.start is None else list(np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0))
-        first = [Start(points[i]) for i in apart[: self.searches]]
+        first = [Start(points[i]) for i in order[: self.searches]]
         yield from [*first[:1], *(Start(x, asked=True) for x in warm), *first[1:]]
-        later, given, fresh = iter([*apart[self.searches :], *rest]), self.searches, self.second > 0.0
+        later, given, fresh = iter(order[self.searches :]), self.searches, self.second > 0.0
         while True:
             if fresh and given >= 2 * self.searches and basins.several and together:
                 fresh = False
                 # half of what is left is for the searches that begin there
                 allowed = min(self.second * budget, 0.5 * counter.remaining)
                 points, costs = self._sample(objective, allowed, counter, spread, rng, large=True)
-                apart, rest = far_apart(spread.places(points), costs)
-                later = iter([*apart, *rest])
+                later = iter(self._order(counter, spread, points, costs))
             following = next(later, None)
             if following is not None:
                 given += 1

@@ -26,6 +26,7 @@ class Basins:
         self.extra.update(starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[])
         self._independent: list[float] = []
         self._cut: list[float] = []
+        self._unknown = 0  # independent searches that were cut off
 
     @property
     def hits(self) -> int:
@@ -49,10 +50,14 @@ class Basins:
     def unseen(self) -> float:
         """Expected share of the box from which a search would end in an optimum that none has found yet.
 
-        w (w + 1) / (n (n - 1)) after n independent searches that ended in w optima: Boender and Rinnooy Kan 1987, Mathematical
-        Programming 37:59, eq. 14 (Bayes with a uniform prior on number and shares of the optima).
+        Each independent search that was cut off may be on its way to an optimum of its own, and counts as one.
         """
-        n, w = len(self._independent), self.extra["optima"]
+        return self._share(self._unknown)
+
+    def _share(self, unknown: int) -> float:
+        """w (w + 1) / (n (n - 1)) after n independent searches that ended in w optima: Boender and Rinnooy Kan 1987, Mathematical
+        Programming 37:59, eq. 14 (Bayes with a uniform prior on number and shares of the optima)."""
+        n, w = len(self._independent) + unknown, self.extra["optima"] + unknown
         return min(1.0, w * (w + 1) / (n * (n - 1))) if n > 1 else 1.0
 
     @property
@@ -71,7 +76,7 @@ class Basins:
 
         A search that was cut off below that cost is not looked at here: whoever asks has to let it go on first.
         """
-        seen = self.extra["optima"] < 2 or self.unseen <= unseen
+        seen = self.extra["optima"] < 2 or self._share(0) <= unseen
         return self._at(self.best_ended) >= agree and self.searches >= searches and seen
 
     def add(self, found: Found, independent: bool = True) -> None:
@@ -87,11 +92,13 @@ class Basins:
         else:
             self.extra["cut_searches"] += 1
             self._cut.append(float(found.cost))
+            self._unknown += independent
         self._count()
 
-    def reopen(self, cost: float) -> None:
+    def reopen(self, cost: float, independent: bool = True) -> None:
         """A search that was cut off at this cost goes on."""
         self._cut.remove(float(cost))
+        self._unknown -= independent
         self.extra["cut_searches"] -= 1
         self._count()
 

@@ -105,9 +105,19 @@ class Projected(Protocol):
         """Evaluations that one point of `rows` costs."""
         ...
 
-    def rows(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """At n points (n, q): residuals (n, k) and their derivatives (n, k, q) in rows whose mean square is the cost, and the full
-        cube points (n, d). A point that cannot be simulated has NaN residuals."""
+    @property
+    def cost_charge(self) -> float:
+        """Evaluations that one point of `sample` costs, and one of `rows` that is left after its cost."""
+        ...
+
+    def rows(self, zn: np.ndarray, below: np.ndarray | None = None, /) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """At n points (n, q): residuals (n, k) and their derivatives (n, k, q) in rows whose mean square is the cost, the full
+        cube points (n, d), and which are whole (n,). A point that cannot be simulated has NaN residuals; one that surely costs more
+        than its entry of `below` (n,) need not be whole: its derivatives are then 0."""
+        ...
+
+    def sample(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray]:
+        """At n points (n, q): costs (n,), never too low by rounding, +inf where a point cannot be simulated, and full points (n, d)."""
         ...
 
 

@@ -133,11 +133,27 @@ class Counter:
         r, jacobian = self.objective.batch_rows(_filled(x, width))
         return self._taken(Rows(r, jacobian, x), self.objective.jacobian_charge, len(x))
 
-    def projected_rows(self, x: np.ndarray) -> Rows:
-        """The same of the projected problem at n points (n, q) of its fewer coordinates."""
+    def projected_rows(self, x: np.ndarray, below: np.ndarray | None = None) -> Rows:
+        """The same of the projected problem at n points (n, q) of its fewer coordinates.
+
+        A point that costs more than its entry of `below` (n,) may come without derivatives, for less.
+        """
         assert self.projected is not None
         self._charge(len(x) * self.projected.charge)
-        return self._taken(Rows(*self.projected.rows(x)), self.projected.charge, len(x))
+        r, jacobian, points, whole = self.projected.rows(x, below)
+        self.spent -= (self.projected.charge - self.projected.cost_charge) * int(np.sum(~np.asarray(whole)))
+        return self._taken(Rows(r, jacobian, points), self.projected.charge, len(x))
+
+    def projected_costs(self, x: np.ndarray) -> np.ndarray:
+        """Costs (n,) of the projected problem at n points (n, q)."""
+        assert self.projected is not None
+        price = self.projected.cost_charge
+        self._charge(len(x) * price)
+        costs, points = self.projected.sample(x)
+        for k in range(len(x)):
+            self._record(points[k], float(costs[k]), float(costs[k]), self.spent - (len(x) - 1 - k) * price)
+        self._after()
+        return costs
 
     def _taken(self, rows: Rows, price: float, n: int) -> Rows:
         """Those of the first n points as plain arrays, recorded."""

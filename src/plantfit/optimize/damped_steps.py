@@ -37,7 +37,8 @@ class Lanes:
 
     `x` (n, d) cube points of the coordinates that are searched, `points` (n, D) the full ones, `cost` r'r, `scale` the column norms
     so far. `refused` counts steps in a row that led nowhere at the limits of float64; `most` limits the steps. `independent` and
-    `asked` (the user's own start) are facts of the start.
+    `asked` (the user's own start) are facts of the start; `mark` is the cost when the limit was set, `again` tells that a search was
+    set aside before.
     """
 
     x: np.ndarray
@@ -53,6 +54,8 @@ class Lanes:
     most: np.ndarray
     independent: np.ndarray
     asked: np.ndarray
+    mark: np.ndarray
+    again: np.ndarray
 
     @classmethod
     def begin(cls, x: np.ndarray, rows: Rows, independent: np.ndarray, asked: np.ndarray, most: int) -> "Lanes":
@@ -61,7 +64,7 @@ class Lanes:
         limit = np.where(asked, np.iinfo(int).max, most)
         return cls(
             x, rows.points, rows.cost, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none, none, limit,
-            independent, asked,
+            independent, asked, rows.cost, np.zeros(n, bool),
         )  # fmt: skip
 
     def __getitem__(self, which: np.ndarray) -> "Lanes":

@@ -11,9 +11,11 @@ from plantfit.optimize.basins import Basins
 from plantfit.optimize.counter import BudgetSpent, Counter
 from plantfit.optimize.damped_steps import Lanes, Rows
 from plantfit.optimize.local import Found
+from plantfit.optimize.rungs import FIRST, Rungs
 
 WIDTH = 8  # searches side by side unless told otherwise: beyond it a step gains little and a small budget is spread thin
 REACH = 30  # a search begins beside others only when each may take so many steps
+AGAIN = 0.1  # share of the steps for searches that were set aside
 
 
 class Start(NamedTuple):
@@ -66,7 +68,7 @@ def one_after_another(
         _until_enough(starts, search, basins, agree, max_steps, searches, unseen)
     except BudgetSpent:
         if counter.best_cost < basins.best:
-            basins.add(Found(counter.best_x, counter.best_cost, finished=False))
+            basins.add(Found(counter.best_x, counter.best_cost, finished=False), independent=False)
     return Status.converged if basins.agreed(agree, searches, unseen) else Status.budget
 
 
@@ -88,7 +90,7 @@ def _until_enough(
             if aside[best][0].cost > basins.best_ended:
                 break
             last, steps, independent = aside.pop(best)
-            basins.reopen(last.cost)
+            basins.reopen(last.cost, independent)
             max_steps = max(max_steps, 2 * steps)
             found = search(last.x, 2 * steps)
             basins.add(found, independent)
@@ -104,9 +106,11 @@ class LocalSearches:
 
     No start is admitted any more once `agree` independent searches ended at the best cost, of `searches` or more, and the share of
     the box whose optimum none has seen is below `unseen` (`Basins.enough`). What was admitted is run to its end all the same: the
-    searches that end first are those on plateaus. A search is set aside after `max_steps`, never one that the user asked for. It
-    goes on when everything else has ended and none of that is better, and when `agree` of them stand below all that ended: then
-    searches need more steps here, and later ones get them.
+    searches that end first are those on plateaus. Once several optima are known, a search is set aside where it falls behind the
+    others (`Rungs`), in any case after `max_steps`, never one that the user asked for. Of those that fell behind the best one goes
+    on for a share of the steps, and all of them before the search converges. The best of those that took `max_steps` goes on when
+    everything else has ended and none of that is better, and when `agree` of them stand below all that ended: then searches need
+    more steps here, and later ones get them.
     """
 
     counter: Counter
@@ -117,7 +121,10 @@ class LocalSearches:
     searches: int = 0
     unseen: float = 1.0
     width: int = WIDTH
-    aside: list[Lanes] = field(default_factory=list)
+    aside: list[Lanes] = field(default_factory=list)  # after `max_steps`
+    behind: list[Lanes] = field(default_factory=list)
+    rungs: Rungs = field(default_factory=Rungs)
+    steps: dict[bool, int] = field(default_factory=lambda: {False: 0, True: 0})  # of searches once set aside, and of others
 
     def run(self) -> Status:
         """Converged when enough searches agree on the answer; where the budget ends them first, as `Basins.agreed` says."""
@@ -141,23 +148,35 @@ class LocalSearches:
         projected = self.counter.projected
         return self.counter.objective.jacobian_charge if projected is None else projected.charge
 
-    def _evaluate(self, x: np.ndarray) -> Rows:
+    def _evaluate(self, x: np.ndarray, below: np.ndarray | None = None) -> Rows:
         counter = self.counter
-        return counter.rows(x, self.width) if counter.projected is None else counter.projected_rows(x)
+        return counter.rows(x, self.width) if counter.projected is None else counter.projected_rows(x, below)
 
     def _admit(self, lanes: Lanes | None) -> Lanes:
-        """The lanes with new ones beside them, where there is room and more are wanted."""
-        while not self.basins.enough(self.agree, self.searches, self.unseen):
+        """The lanes with others beside them, where there is room and more are wanted."""
+        while not self._enough() or self.behind:
             under_way = 0 if lanes is None else len(lanes)
             most = min(self.width, max(self.agree, self.searches), max(1, int(self.counter.remaining / (REACH * self._charge))))
             room = most - under_way
             if lanes is not None and room <= 0:
                 break
-            going_on = len(self.aside) >= self.agree and self._aside_is_better()
-            begun = self._reopen() if going_on else self._begin(max(room, 1))
+            begun = self._next(max(room, 1))
             lanes = begun if lanes is None else lanes.join(begun)
         assert lanes is not None
         return lanes
+
+    def _next(self, room: int) -> Lanes:
+        """One that was set aside, or as many new ones as there is room for."""
+        if self.behind and (self._enough() or self.steps[True] < AGAIN * sum(self.steps.values())):
+            lane = self._best_of(self.behind)
+            lane.most = np.minimum(2 * lane.most, self.max_steps)
+            return lane
+        if len(self.aside) >= self.agree and self._aside_is_better():
+            return self._reopen()
+        return self._begin(room)
+
+    def _enough(self) -> bool:
+        return self.basins.enough(self.agree, self.searches, self.unseen)
 
     def _begin(self, count: int) -> Lanes:
         """The next `count` starts, without those that cannot be simulated."""
@@ -165,7 +184,7 @@ class LocalSearches:
         x = np.clip(np.stack(points), 0.0, 1.0)
         if self.counter.projected is not None:
             x = x[:, self.counter.projected.kept]
-        begun = Lanes.begin(x, self._evaluate(x), np.asarray(independent), np.asarray(asked), self.max_steps)
+        begun = Lanes.begin(x, self._evaluate(x), np.asarray(independent), np.asarray(asked), min(FIRST, self.max_steps))
         works = np.isfinite(begun.cost)
         for failed in x[~works]:
             self.basins.add(Found(failed, np.inf, started=False))
@@ -185,15 +204,34 @@ class LocalSearches:
         """One step of every lane; those that are still under way."""
         step, promised = lanes.propose()
         trial = np.clip(lanes.x + step, 0.0, 1.0)
-        ended = lanes.take(promised, trial, self._evaluate(trial))
+        ended = lanes.take(promised, trial, self._evaluate(trial, lanes.cost / lanes.r.shape[1]))
+        for once in (False, True):
+            self.steps[once] += int(np.sum(lanes.again == once))
         for k in np.flatnonzero(ended):
-            self._book(lanes[np.array([k])], finished=True)
-        late = ~ended & (lanes.steps >= lanes.most)
-        for k in np.flatnonzero(late):
             one = lanes[np.array([k])]
-            self.aside.append(one)
+            self._book(one, finished=True)
+            self.rungs.ended(int(one.steps[0]), self._cost(one))
+        late = np.flatnonzero(~ended & (lanes.steps >= lanes.most))
+        stays = ended.copy()
+        stays[late[~self._pass(lanes, late)]] = True
+        for k in np.flatnonzero(stays & ~ended):
+            one = lanes[np.array([k])]
+            (self.aside if one.steps[0] >= self.max_steps else self.behind).append(one)
             self._book(one, finished=False)
-        return lanes[~(ended | late)]
+        return lanes[~stays]
+
+    def _pass(self, lanes: Lanes, late: np.ndarray) -> np.ndarray:
+        """Which of the lanes `late` (n,), at their limits, go on; these are then doubled."""
+        passed, cost, mark = np.zeros(len(late), dtype=bool), lanes.cost / lanes.r.shape[1], lanes.mark / lanes.r.shape[1]
+        for rung in np.unique(lanes.steps[late]):
+            here = lanes.steps[late] == rung
+            if rung < self.max_steps:
+                at = late[here]
+                good = self.rungs.arrived(int(rung), cost[at], mark[at])
+                passed[here] = good | (not self.basins.several) | (cost[at] <= self.basins.best_ended) | self._enough()
+        on = late[passed]
+        lanes.mark[on], lanes.most[on] = lanes.cost[on], np.minimum(2 * lanes.most[on], self.max_steps)
+        return passed
 
     def _cost(self, lane: Lanes) -> float:
         return float(lane.cost[0] / lane.r.shape[1])
@@ -206,9 +244,15 @@ class LocalSearches:
         return bool(self.aside) and min(map(self._cost, self.aside)) <= self.basins.best_ended
 
     def _reopen(self) -> Lanes:
-        """The best of those set aside, with twice the steps."""
-        lane = self.aside.pop(min(range(len(self.aside)), key=lambda k: self._cost(self.aside[k])))
-        self.basins.reopen(self._cost(lane))
+        """The best of those that took `max_steps`, with twice as many."""
+        lane = self._best_of(self.aside)
         lane.most = 2 * lane.most
         self.max_steps = max(self.max_steps, int(lane.most[0]))
+        return lane
+
+    def _best_of(self, among: list[Lanes]) -> Lanes:
+        """Taken from those that were set aside."""
+        lane = among.pop(min(range(len(among)), key=lambda k: self._cost(among[k])))
+        self.basins.reopen(self._cost(lane), bool(lane.independent[0]))
+        lane.mark, lane.again = lane.cost.copy(), np.array([True])
         return lane

@@ -43,6 +43,7 @@ def following(sequence: qmc.Sobol, n: int) -> np.ndarray:
 WIDE = 100.0  # ratio of the bounds of one sign from which on a coordinate spans scales
 DECADES = 6.0  # below the largest magnitude, that starts are spread over
 CHUNK = 3  # a third of the points is even in units, a third in decades, in a third each coordinate draws which
+APART = (0.25, 0.125, 0.0625)  # of the mean random distance
 
 
 @dataclass(frozen=True)
@@ -106,14 +107,19 @@ class Spread:
         return np.where(self.wide, (here - low) / np.where(self.wide, high - low, 1.0), z)
 
 
-def far_apart(points: np.ndarray, costs: np.ndarray, share: float = 0.25) -> tuple[list[int], list[int]]:
-    """Indices of finite points, best first: those farther than `share` of the mean random distance
-    sqrt(d / 6) from every better chosen one, and the others."""
-    order = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
-    radius = share * np.sqrt(points.shape[1] / 6)
+def far_apart(points: np.ndarray, costs: np.ndarray) -> list[int]:
+    """Indices of finite points (n, d) in the order in which searches should begin there.
+
+    First those farther from every better one of them than a quarter of the mean random distance sqrt(d / 6), best first; of the
+    others those farther than half of that from all before them, and so on: many small basins next to the best one do not keep
+    searches from the rest of the box.
+    """
+    left = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
     chosen: list[int] = []
-    others: list[int] = []
-    for i in order:
-        alone = not chosen or np.min(np.linalg.norm(points[chosen] - points[i], axis=1)) > radius
-        (chosen if alone else others).append(i)
-    return chosen, others
+    for share in APART:
+        radius, others = share * np.sqrt(points.shape[1] / 6), []
+        for i in left:
+            alone = not chosen or np.min(np.linalg.norm(points[chosen] - points[i], axis=1)) > radius
+            (chosen if alone else others).append(i)
+        left = others
+    return [*chosen, *left]

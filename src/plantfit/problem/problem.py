@@ -47,6 +47,10 @@ class Problem:
     `clock_shift` frees by how much later than recorded inputs act, name -> bounds (s), as parameters clock_shift_NAME.
     `hold` tells for each input how it goes on between samples, "previous" (default) or "linear".
     `stepper` and `substeps` as in `Simulator`; substeps None lets `fit` choose them.
+
+    `standard_errors` "robust" allows for residuals that are correlated in time and of different sizes; "classical" takes them as
+    independent and of one size, as textbooks on regression do. By default a model without time (no states, no delays) has classical
+    ones, for its rows are not samples, and every other model robust ones.
     """
 
     def __init__(
@@ -67,12 +71,15 @@ class Problem:
         stepper: str = "exponential",
         substeps: int | None = None,
         name: str = "fit",
+        standard_errors: Literal["robust", "classical"] | None = None,
     ):
         if clock_shift:
             if not isinstance(model, Model):
                 raise SpaceError(f"clock_shift is for models that are simulated, and {model.name!r} is a regression; leave it out.")
             model = with_clock_shift(model, clock_shift)
-        self.model, self.name = model, name
+        if standard_errors not in (None, "robust", "classical"):
+            raise SpaceError(f"standard_errors = {standard_errors!r}; give 'robust' or 'classical'.")
+        self.model, self.name, self.standard_errors = model, name, standard_errors
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs, initial_time)
@@ -173,7 +180,9 @@ class Problem:
 
     def freed(self, bounds: Mapping[str, tuple[float, float]]) -> "Problem":
         """The same problem with parameters between bounds that it holds at a value; scales, weights, steps and smoothing stay."""
-        freed = {n: replace(self.space.parameters[n], value=None, bounds=b, scale="linear", start=None) for n, b in bounds.items()}
+        freed = {
+            n: replace(self.space.parameters[n], value=None, bounds=b, scale="linear", start=None, limits=None) for n, b in bounds.items()
+        }
         space = Space({**self.space.parameters, **{n: replace(p, per_recording=False) for n, p in freed.items()}}, self.space.recordings)
         other = self._variant(space=space, _compiled={})
         other._prepare()
@@ -182,6 +191,17 @@ class Problem:
             fresh = Smoothing.of(space, tables, self._spread())
             other.smoothing = None if fresh is None else fresh.with_strengths(self.smoothing.strengths)
         return other
+
+    @property
+    def in_time(self) -> bool:
+        """Whether rows are samples one after another: models with states or delays, and regressions on recorded signals."""
+        model = self.model
+        return not isinstance(model, Model) or bool(model.states or model.delays or model.state_delays)
+
+    @property
+    def robust(self) -> bool:
+        """Whether standard errors allow for residuals that are correlated in time (see `standard_errors`)."""
+        return self.in_time if self.standard_errors is None else self.standard_errors == "robust"
 
     @cached_property
     def unsmoothed(self) -> "Problem":

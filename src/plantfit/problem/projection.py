@@ -31,6 +31,8 @@ from plantfit.problem.problem import Problem
 from plantfit.problem.triangle import compressed, triangle
 
 SMALL_STEP = 1e-6  # share of the box: what the second solution may change, beyond it the columns do not say where it is
+DIGITS = 1e-8  # of what the linear coordinates move: a cost from one Jacobian counts down to the square of this
+SURE = 1e-6  # relative excess from which on a cost from one Jacobian is sure to be above another
 MADE_UP = 1e-10  # of a kept coordinate's effect: what is left of it beside the solved ones, up to which nothing is
 LARGEST = 1e150  # of numbers that can be squared; a candidate beyond it cannot be simulated, one that is not a number neither
 
@@ -38,11 +40,23 @@ Blocks = list[tuple[np.ndarray, np.ndarray, np.ndarray]]  # as of `Problem.block
 
 
 class Rows(NamedTuple):
-    """Of n candidates: residuals (n, k) and derivatives (n, k, dn) in k = dn + 1 rows, and the whole cube points z (n, d)."""
+    """Of n candidates: residuals (n, k) and derivatives (n, k, dn) in k = dn + 1 rows, and the whole cube points z (n, d).
+
+    Those that are not `whole` (n,) were left after their cost was known: their derivatives are 0.
+    """
 
     r: np.ndarray
     jacobian: np.ndarray
     z: np.ndarray
+    whole: np.ndarray
+
+
+class _First(NamedTuple):
+    """One candidate with its linear coordinates solved for from one Jacobian."""
+
+    z: np.ndarray
+    share: np.ndarray  # (p,) of the box
+    cost: float
 
 
 class _Lane(NamedTuple):
@@ -96,25 +110,52 @@ class Projection:
         coordinate solved for and another."""
         return (2.0 + (1.0 + len(self.solved) if self.full else 0.0)) * self.problem.jacobian_charge
 
+    @property
+    def cost_charge(self) -> float:
+        """Those that a cost of `sample` is charged, or a row that is left after its cost: one Jacobian."""
+        return self.problem.jacobian_charge
+
     def restrict(self, z: Any) -> np.ndarray:
         """The coordinates (..., dn) of cube points (..., d)."""
         return np.asarray(z, dtype=float)[..., self.kept]
 
-    def rows(self, zn: Any) -> Rows:
-        """Projected residuals and their derivatives by `kept` coordinates (n, dn)."""
+    def rows(self, zn: Any, below: np.ndarray | None = None) -> Rows:
+        """Projected residuals and their derivatives by `kept` coordinates (n, dn).
+
+        A candidate that surely costs more than its entry of `below` (n,) is left once that is known: one residual with its cost,
+        no derivatives.
+        """
         zn, k = self._points(zn), self.dimension + 1
         r, jacobian, z = np.full((len(zn), k), np.nan), np.full((len(zn), k, self.dimension), np.nan), self._begin(zn)
-        for i, lane in self._lanes(zn):
+        whole = np.ones(len(zn), dtype=bool)
+        for i, lane in self._lanes(zn, below):
+            if isinstance(lane, _First):
+                whole[i], z[i] = False, lane.z
+                r[i], jacobian[i] = np.sqrt(lane.cost), 0.0
+                continue
             with suppress(np.linalg.LinAlgError):
                 found = self._projected(lane)
                 r[i], jacobian[i], z[i] = np.sqrt(k) * found[:, -1], np.sqrt(k) * found[:, :-1], lane.z
-        return Rows(r, jacobian, z)
+        return Rows(r, jacobian, z, whole)
+
+    def sample(self, zn: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Costs (n,) of eq. (1) from one Jacobian each, and cube points (n, d): where a search could begin.
+
+        Rounding can make them a little too high, where large contributions cancel, and never too low.
+        """
+        zn = self._points(zn)
+        f, z = np.full(len(zn), np.inf), self._begin(zn)
+        for i, lane in self._lanes(zn, np.full(len(zn), -np.inf)):
+            assert isinstance(lane, _First)
+            f[i], z[i] = lane.cost, lane.z
+        return f, z
 
     def costs(self, zn: Any) -> np.ndarray:
         """Costs (n,) of eq. (1) at coordinates (n, dn)."""
         zn = self._points(zn)
         f = np.full(len(zn), np.inf)
         for i, lane in self._lanes(zn):
+            assert isinstance(lane, _Lane)
             p = len(self.solved)
             f[i] = np.sum((lane.root[:, -1] + lane.root[:, :p] @ lane.step) ** 2)
         return f
@@ -142,34 +183,47 @@ class Projection:
         z[:, self.kept], z[:, self.solved] = zn, self._shares.cube(self._shares.nearest_zero)
         return z
 
-    def _lanes(self, zn: np.ndarray) -> Iterator[tuple[int, _Lane]]:
+    def _lanes(self, zn: np.ndarray, below: np.ndarray | None = None) -> Iterator[tuple[int, _Lane | _First]]:
         """The candidates that can be simulated, with their numbers.
 
         By the program that everything else about this problem uses too (`points`): another one takes seconds to compile.
         """
         width = points.WIDTH if points.shared(self.problem) else 1
         for first in range(0, len(zn), width):
-            yield from ((first + i, lane) for i, lane in self._solved(self._begin(zn[first : first + width])))
+            limits = np.full(len(zn), np.inf) if below is None else below * (1.0 + SURE)
+            found = self._solved(self._begin(zn[first : first + width]), limits[first : first + width])
+            yield from ((first + i, lane) for i, lane in found)
 
-    def _solved(self, begin: np.ndarray) -> Iterator[tuple[int, _Lane]]:
-        """Solved from the derivatives at `begin` (n, d), and once more at the answers, where rounding no longer counts."""
-        p, before, shares = len(self.solved), begin.copy(), {}
+    def _solved(self, begin: np.ndarray, limits: np.ndarray) -> Iterator[tuple[int, _Lane | _First]]:
+        """Solved from the derivatives at `begin` (n, d), and, where the cost is no higher than `limits` (n,), once more at the
+        answers, where rounding no longer counts."""
+        p, before, lanes = len(self.solved), begin.copy(), {}
         for i, blocks in enumerate(self._evaluated(begin)):
             root = self._root(begin[i], blocks, with_kept=False)
             with suppress(np.linalg.LinAlgError):
                 if np.all(np.abs(root) < LARGEST):
-                    shares[i] = solve_within(root[:, :p], root[:, -1], self._shares.nearest_zero).s
-                    before[i] = self._at(begin[i], shares[i])
-        if not shares:
+                    lane = self._first(begin[i], root)
+                    if lane.cost > limits[i]:
+                        yield i, lane
+                    else:
+                        lanes[i], before[i] = lane, lane.z
+        if not lanes:
             return
         for i, blocks in enumerate(self._evaluated(before)):
-            if i not in shares:
+            if i not in lanes:
                 continue
             root = self._root(before[i], blocks)
             with suppress(np.linalg.LinAlgError):
                 if np.all(np.abs(root) < LARGEST):
-                    again = self._polished(root[:, :p], root[:, -1], shares[i])
-                    yield i, _Lane(self._at(before[i], again.s), root, again.free, again.step, before[i], shares[i])
+                    again = self._polished(root[:, :p], root[:, -1], lanes[i].share)
+                    yield i, _Lane(self._at(before[i], again.s), root, again.free, again.step, before[i], lanes[i].share)
+
+    def _first(self, begin: np.ndarray, root: np.ndarray) -> _First:
+        columns = root[:, :-1]
+        share = solve_within(columns, root[:, -1], self._shares.nearest_zero).s
+        moved = columns @ (share - self._shares.nearest_zero)
+        cost = max(float(np.sum((root[:, -1] + moved) ** 2)), DIGITS**2 * float(np.sum(moved**2)))
+        return _First(self._at(begin, share), share, cost)
 
     def _evaluated(self, z: np.ndarray) -> Iterator[Blocks]:
         """The blocks of residuals and derivatives at points (n, d), at most `points.WIDTH`."""

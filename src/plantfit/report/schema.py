@@ -123,6 +123,8 @@ class Parameter(_Record):
     upper_bound: Number = None
     scale: Literal["linear", "log"] = "linear"
     at_bound: Literal["lower", "upper"] | None = None
+    open: Literal["lower", "upper", "both"] | None = None  # ends that the data do not set: `low`, `high` are bounds of the search there
+    limits: list[Number] | None = None  # physical ones
     status: str = "determined"
     equal_answers: list[Number] | None = None  # from, to: over runs of the same cost, where these leave the interval
     uncertainty: StatedUncertainty | None = None

@@ -10,7 +10,7 @@ LEVELS = {"good": ("Good", "✓"), "warning": ("Caution", "!"), "bad": ("Problem
 _STATUS = {
     "determined": "determined by the data",
     "weak": "weakly determined: the interval is wide",
-    "flat": "not determined: the cost does not change with it",
+    "flat": "not determined: the data set no end to it",
     "not visited": "not visited: no sample depends on it, so that it is not measured",
     "fixed": "held fixed, not fitted",
 }

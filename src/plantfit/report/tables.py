@@ -34,10 +34,21 @@ def scores_table(scores: list[Score]) -> Table:
 
 def parameters_table(parameters: Sequence[Parameter], caption: str = "Parameters") -> Table:
     """Values with standard errors, intervals, bounds and what is known."""
-    rows = tuple((p.name, _value(p), unit_label(p.unit), interval(p.low, p.high), _bounds(p), parameter_status(p)) for p in parameters)
+    rows = tuple((p.name, _value(p), unit_label(p.unit), parameter_interval(p), _bounds(p), parameter_status(p)) for p in parameters)
     head = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "status")
     marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound", "not visited"))
     return Table(caption, head, rows, frozenset({1, 3, 4}), marked)
+
+
+def parameter_interval(p: Parameter, ascii_only: bool = False) -> str:
+    """The 95 % interval; an end that the data do not set is said to be open, and no bound of the search stands there."""
+    if p.open is None or p.open == "both":
+        return interval(p.low, p.high, ascii_only) if p.open is None else "open"
+    end = significant(p.high if p.open == "lower" else p.low, ascii_only=ascii_only)
+    limit = (p.limits or [None, None])[0 if p.open == "upper" else 1]
+    if limit is not None and limit == (p.low if p.open == "upper" else p.high):
+        return f"above {end}" if p.open == "upper" else f"below {end}"
+    return f"at least {end}" if p.open == "upper" else f"at most {end}"
 
 
 def _value(p: Parameter) -> str:

@@ -4,10 +4,10 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from plantfit.report.numbers import interval, plus_minus, significant
+from plantfit.report.numbers import plus_minus, significant
 from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
-from plantfit.report.tables import Table, statuses, weights_table
+from plantfit.report.tables import Table, parameter_interval, statuses, weights_table
 from plantfit.report.uncertainty_tables import budgets_of, widened_table
 
 WIDTH = 100
@@ -47,7 +47,7 @@ def _parameters(parameters: Sequence[Parameter]) -> str:
             p.name,
             plus_minus(p.value, p.standard_error, True),
             p.unit or "",
-            interval(p.low, p.high, True),
+            parameter_interval(p, True),
             parameter_status(p).split(":")[0],
         )
         for p in parameters

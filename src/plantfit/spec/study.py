@@ -83,6 +83,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
             stepper=table.simulation.stepper,
             substeps=table.simulation.substeps,
             name=table.name,
+            standard_errors=table.standard_errors,
         )
         check_problem(problem, table, path)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
@@ -159,4 +160,7 @@ def _filtered_alike(model, experiments: Mapping[str, Experiment], options: Alike
 
 
 def _parameter(p: ParameterTable) -> Parameter:
-    return Parameter(p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence, smooth=p.smooth)
+    return Parameter(
+        p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence, smooth=p.smooth, limits=p.limits,
+        typical=p.typical,
+    )  # fmt: skip

@@ -109,6 +109,8 @@ class ParameterTable(_Table):
     per_recording: bool = False
     start: Numbers | None = None
     smooth: Literal["cross-validated", "reml"] | Numbers | None = None
+    limits: Pair | None = None
+    typical: Annotated[float, Field(gt=0)] | None = None
     sentence: str = ""
 
 
@@ -155,6 +157,7 @@ class SpecTable(_Table):
     search: SearchTable = SearchTable()
     scales: dict[str, Annotated[float, Field(gt=0)]] = {}
     balance: Literal["samples", "recordings"] = "samples"
+    standard_errors: Literal["robust", "classical"] | None = None
     uncertainty: Annotated[dict[str, UncertaintyTable], BeforeValidator(_by_name)] = {}
     propagation: PropagationTable = PropagationTable()
 

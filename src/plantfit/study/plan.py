@@ -85,7 +85,7 @@ def default_chunk(runs: int) -> int:
 
 def default_budget(dimension: int) -> int:
     """Evaluations of a run when the user gives none."""
-    return max(3000, 1500 * dimension)
+    return max(6000, 1500 * dimension)
 
 
 def _whole(name: str, key: str, value: Any, least: int) -> int:

@@ -14,7 +14,9 @@ from plantfit.simulate.verify import by_doubling, check_steps
 from plantfit.study.basins import basins
 from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.agreement import SAME, agreement, opened
+from plantfit.trust.determined import determined_findings
 from plantfit.trust.finish import rounding
+from plantfit.trust.following import followed_ranges
 from plantfit.trust.local import EDGE as EDGE
 from plantfit.trust.local import Local, linearise
 from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
@@ -25,8 +27,6 @@ from plantfit.trust.table_visits import agreeing, table_visits
 from plantfit.trust.uncertainty_findings import uncertainty_findings
 from plantfit.trust.verdict import sentences
 from plantfit.trust.weights import weight_rows
-
-COMBINATIONS = 5  # the worst that are told
 
 CHECKED = 150_000  # evaluations of the tight solver, some 4 s
 
@@ -51,7 +51,10 @@ def assess(
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
     visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
-    rows = parameter_rows(problem.space, local, unseen)
+    ranges = None
+    if local.linear is not None:
+        ranges = followed_ranges(problem, best.x, local.linear, sum(r.evaluations for r in runs))
+    rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed["ranges"])
     rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
@@ -62,9 +65,11 @@ def assess(
         "residual_tests": _residual_tests(problem, predictions),
         "parameters": rows,
         "uncertainty": uncertainty,
+        "standard_errors": {"kind": "robust" if problem.robust else "classical", "in_time": problem.in_time},
         "tables": table_rows(problem, rows, visits),
         "smoothing": smoothing_rows(problem, local),
         "combinations": _combinations(local, rows),
+        "determined": determined_findings(problem, local.linear, rows, ranges or {}),
         "runs": [_run(problem, r) for r in runs],
         "basins": _basins(problem, runs),
         "agreement": agreed,
@@ -188,12 +193,12 @@ def _residual_tests(problem, predictions):
 
 
 def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The worst directions; one of a single parameter only when its row does not say so already."""
+    """All directions, the worst first; one of a single parameter only when its row does not say so already."""
     told = {row["name"] for row in rows if row["status"] in ("flat", "at bound", NOT_VISITED)}
     unseen = {row["name"] for row in rows if row["status"] == NOT_VISITED}
     kept = [d for d in local.directions if not (told if len(d.weights) == 1 else unseen).issuperset(d.weights)]
     kept.sort(key=lambda d: (len(d.weights) == 1, -d.relative_sd))
-    return [{"sentence": d.sentence, "weights": d.weights, "relative_sd": d.relative_sd} for d in kept[:COMBINATIONS]]
+    return [{"sentence": d.sentence if local.linear is None else d.moves, "weights": d.weights, "relative_sd": d.relative_sd} for d in kept]
 
 
 def _run(problem, r):

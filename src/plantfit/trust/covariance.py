@@ -6,6 +6,7 @@ import numpy as np
 
 from plantfit.problem.long_run import prewhitened_long_run
 
+EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
 BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's edge
 
 
@@ -55,11 +56,21 @@ def effective_parameters(jacobian: np.ndarray, blocks: list[Block], smoothing: n
         return np.zeros(0)
     data = normal_matrix(jacobian, blocks)
     total = data + smoothing
-    return np.diag(np.linalg.solve(total + variance * box_prior(total), data)).copy()
+    return np.diag(np.linalg.solve(total + max(variance, rounding(data, len(jacobian))) * box_prior(total), data)).copy()
+
+
+def rounding(data: np.ndarray, samples: int) -> float:
+    """A residual variance that is rounding: outputs are exact to 1e-10 of what a parameter does to them; data is J'J (d, d)."""
+    return max(EXACT**2 * float(np.max(np.diag(data), initial=0.0)) / max(samples, 1), 1e-200)
 
 
 def covariance(
-    jacobian: np.ndarray, residuals: np.ndarray, blocks: list[Block], free: np.ndarray, smoothing: np.ndarray | None = None
+    jacobian: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    free: np.ndarray,
+    smoothing: np.ndarray | None = None,
+    robust: bool = True,
 ) -> np.ndarray:
     """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
 
@@ -69,6 +80,7 @@ def covariance(
     keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
     adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
     section 2).
+    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance).
     Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
     """
@@ -79,14 +91,37 @@ def covariance(
         return result
     j = jacobian[:, active]
     degrees = max(1, len(residuals) - len(active))
-    variance = max(float(residuals @ residuals) / degrees, np.finfo(float).tiny)
-    hessian = normal_matrix(j, blocks) / variance
+    data = normal_matrix(j, blocks)
+    variance = max(float(residuals @ residuals) / degrees, rounding(data, len(residuals)))
+    hessian = data / variance
     prior = box_prior(hessian)
     if smoothing is not None:
         smooth = smoothing[np.ix_(active, active)] / variance
         prior = smooth + box_prior(hessian + smooth)
     bread = np.linalg.inv(hessian + prior)
+    spread = sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust)
+    inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
+    result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
+    return 0.5 * (result + result.T)
+
+
+def sandwich(
+    j: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    bread: np.ndarray,
+    prior: np.ndarray,
+    variance: float,
+    degrees: int,
+    robust: bool,
+) -> np.ndarray:
+    """Covariance (d, d) of the estimates: `bread` (d, d), the inverse of J'J / variance + `prior`, around what the residuals show.
+
+    Not `robust`, all residuals are of one size and without memory, which is the classical covariance.
+    """
     spread = bread @ prior @ bread
+    if not robust:
+        return spread + bread @ (normal_matrix(j, blocks) / variance) @ bread
     alike = spread.copy()
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
@@ -99,7 +134,4 @@ def covariance(
     # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
     # J. Econometrics 29 (1985) 305)
     wider = np.sqrt(np.maximum(1.0, np.diag(alike) / np.maximum(np.diag(spread), 1e-300)))
-    spread = spread * np.outer(wider, wider)
-    inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
-    result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
-    return 0.5 * (result + result.T)
+    return spread * np.outer(wider, wider)

@@ -23,6 +23,11 @@ class Direction:
     relative_sd: float
 
     @property
+    def moves(self) -> str:
+        """That the parameters move together, without what stays constant: where determined combinations are named themselves."""
+        return self.sentence.split("; only what")[0].rstrip(".") + "."
+
+    @property
     def sentence(self) -> str:
         up = [n for n, w in self.weights.items() if w > 0]
         down = [n for n, w in self.weights.items() if w < 0]
@@ -32,8 +37,7 @@ class Direction:
             return f"The data leave {up[0] if up else down[0]} open to about {_percent(self.relative_sd)}."
         if len(self.weights) > NAMED:
             return (
-                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated outputs hardly change. "
-                f"Along this line the values are open to about {_percent(self.relative_sd)}."
+                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated outputs hardly change."
             )
         if not down:
             how = f"{some(up)} can grow together"
@@ -41,7 +45,7 @@ class Direction:
             how = f"{some(up)} can grow while {some(down)} shrink{'s' if len(down) == 1 else ''}"
         return (
             f"{how} ({strength}) and the simulated outputs hardly change; only what stays constant along this line is determined, "
-            f"here {self.constant}. Along it the values are open to about {_percent(self.relative_sd)}."
+            f"here {self.constant}."
         )
 
     @property

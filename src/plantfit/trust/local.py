@@ -9,8 +9,10 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.problem.triangle import triangle
+from plantfit.space import Space
 from plantfit.trust.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.ranges import Linear, linear_problem, plain_space
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
@@ -21,6 +23,9 @@ OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determi
 class Local:
     """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units.
 
+    `linear` is the problem that ranges are read from (`trust/ranges.py`): every parameter is free there within its physical limits, also
+    one that a bound holds, and no box makes errors smaller. Problems with tables or with more than 60 coordinates have none; their
+    covariance takes the box as prior.
     `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
     residual depends on it at all.
     """
@@ -32,6 +37,7 @@ class Local:
     directions: tuple[Direction, ...]
     effective: np.ndarray
     touched: np.ndarray
+    linear: Linear | None = None
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
@@ -41,10 +47,15 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     smoothing = problem.smoothing.matrix if problem.smoothing else np.zeros((space.dimension,) * 2)
     bends = problem.smoothing.weighted(z) if problem.smoothing else (np.zeros(0), np.zeros((0, space.dimension)))
     lower, upper = _held(z, np.vstack([jacobian, bends[1]]), np.r_[residuals, bends[0]])
-    free = ~(lower | upper)
-    cube = covariance(jacobian, residuals, blocks, free, smoothing)
+    free = ~((lower & _physical(space, 0)) | (upper & _physical(space, 1)))  # a bound of the search holds nothing
     values, slope = np.asarray(space.physical(z)), space.slopes(z)
-    physical = cube * slope[:, None] * slope[None, :]
+    linear = None
+    if plain_space(problem):
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust)
+        physical = linear.spread * linear.size[:, None] * linear.size[None, :]
+    else:
+        cube = covariance(jacobian, residuals, blocks, free, smoothing, problem.robust)
+        physical = cube * slope[:, None] * slope[None, :]
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
     on = np.flatnonzero(free)
@@ -56,8 +67,16 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     known = np.zeros(space.dimension)
     known[on] = effective
     return Local(
-        values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0)
-    )
+        values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0),
+        linear,
+    )  # fmt: skip
+
+
+def _physical(space: Space, side: int) -> np.ndarray:
+    """Whether the lower (0) or upper (1) bound of each coordinate (d,) is where its physical limit is."""
+    bounds = (space.lower, space.upper)[side]
+    limits = np.array([c.limits[side] for c in space.coordinates])
+    return np.abs(bounds - limits) <= EDGE * (space.upper - space.lower)
 
 
 def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.trust.covariance import box_prior, covariance, normal_matrix
 from plantfit.trust.local import EDGE, linearise, residual_blocks
+from plantfit.trust.ranges import linear_problem, plain_space
 from plantfit.trust.refit import refit
 from plantfit.trust.shared_error import SharedError as SharedError
 from plantfit.trust.uncertainty_budget import MANY
@@ -81,7 +82,7 @@ def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     slope = _slope(problem, z)
     at = np.flatnonzero(free & np.array([b is None for b in local.at_bound]))
-    solve, noise = _solver(problem, residuals, jacobian, at)
+    solve, noise = _solver(problem, z, residuals, jacobian, at)
     squares: dict[str, np.ndarray] = {}
     few = np.zeros(len(z))  # the sum in the formula of Welch and Satterthwaite
     for error in errors:
@@ -122,7 +123,7 @@ def propagate_by_monte_carlo(
     drawn = [e.source.draw(rng, draws * _numbers(work, e)).reshape(draws, -1) for e in errors]
     residuals, jacobian = work.unsmoothed.residuals_and_jacobian(z)
     at = np.flatnonzero(inside)
-    noise = _solver(work, residuals, jacobian, at)[1]
+    noise = _solver(work, z, residuals, jacobian, at)[1]
     shaken = np.zeros((draws, len(z)))
     shaken[:, at] = rng.multivariate_normal(np.zeros(len(at)), noise, draws, method="eigh")
     found = np.empty((draws, len(z)))
@@ -192,7 +193,7 @@ def _slope(problem: Problem, z: np.ndarray) -> np.ndarray:
     return np.asarray(jax.jvp(problem.space.physical, (jnp.asarray(z),), (jnp.ones(len(z)),))[1])
 
 
-def _solver(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What takes residuals to moves of the coordinates `at` (q, m), and the covariance (q, q) that the noise gives them."""
     blocks, j = residual_blocks(problem), jacobian[:, at]
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(at)), np.finfo(float).tiny)
@@ -201,7 +202,11 @@ def _solver(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, at: n
     if smoothing is not None:
         hessian = hessian + smoothing / variance
     plain = np.linalg.inv(hessian + box_prior(hessian))
-    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing)
+    if plain_space(problem):  # as `linearise` has it
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, at)
+        scale = linear.size / problem.space.slopes(z)[at]
+        return plain @ j.T / variance, linear.spread * scale[:, None] * scale[None, :]
+    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, problem.robust)
 
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:

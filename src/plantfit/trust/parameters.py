@@ -9,17 +9,31 @@ from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
 from plantfit.trust.local import OPEN, Local
+from plantfit.trust.ranges import Range, linear_range
 from plantfit.trust.table_visits import Visits
 
 Row = dict[str, Any]
 
 
 NOT_VISITED = "not visited"
+ROUGH = 0.25  # standard error over the value from which on it is only roughly known
+CUT = 3.0  # times that of the range: a linearised standard error above it means nothing
 
 
-def parameter_rows(space: Space, local: Local, unseen: Collection[str] = ()) -> list[Row]:
-    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on."""
-    rows = [_unseen(c, local, i) if c.name in unseen else _free(c, local, i) for i, c in enumerate(space.coordinates)]
+def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None) -> list[Row]:
+    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on.
+
+    `ranges` by place are those of `trust/following.py`; by default those of the linearised problem. Problems without one, which have
+    tables or many coordinates, are judged against the box.
+    """
+    rows = []
+    for i, c in enumerate(space.coordinates):
+        if c.name in unseen:
+            rows.append(_unseen(c, local, i))
+        elif local.linear is None:
+            rows.append(_free(c, local, i))
+        else:
+            rows.append(_ranged(c, local, i, ranges[i] if ranges is not None else linear_range(local.linear, i)))
     for name, p in space.parameters.items():
         if p.value is not None and p.tied is None:
             values = np.broadcast_to(np.asarray(p.value, dtype=float), p.shape)
@@ -67,12 +81,48 @@ def _free(c: Coordinate, local: Local, i: int) -> Row:
         "standard_error": None if bound else error,
         "low": None if bound else max(value - 1.96 * error, c.lower),
         "high": None if bound else min(value + 1.96 * error, c.upper),
+        "open": None,
+        "limits": None,
         "lower_bound": c.lower,
         "upper_bound": c.upper,
         "scale": "log" if c.log else "linear",
         "at_bound": bound,
         "status": "at bound" if bound else _status(c, value, error),
     }
+
+
+def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
+    """A row from a range. Where the data set no end to it, `low` and `high` are bounds of the search and `open` says which."""
+    assert local.linear is not None
+    value, bound = float(local.values[i]), local.at_bound[i]
+    ends = [e for e, at in (("lower", found.low), ("upper", found.high)) if not np.isfinite(at)]
+    low = found.low if np.isfinite(found.low) else min(c.lower, value)
+    high = found.high if np.isfinite(found.high) else max(c.upper, value)
+    error = None if ends or bound else _error(found, value, c, float(local.linear.standard_error[i]), local.linear.quantile)
+    return {
+        **_free(c, local, i),
+        "standard_error": error,
+        "low": float(low),
+        "high": float(high),
+        "open": None if not ends else ends[0] if len(ends) == 1 else "both",
+        "limits": [float(v) if np.isfinite(v) else None for v in c.limits],
+        "status": "at bound" if bound else _judged(c, value, found),
+    }
+
+
+def _error(found: Range, value: float, c: Coordinate, linear: float, quantile: float) -> float:
+    """The standard error of the linearised problem; the range's where limits keep the value from going so far."""
+    sides = [abs(end - value) for end, limit in zip((found.low, found.high), c.limits, strict=True) if end != limit]
+    reach = max(sides, default=abs(found.high - found.low)) / quantile
+    return float(reach) if linear > CUT * reach else linear
+
+
+def _judged(c: Coordinate, value: float, found: Range) -> str:
+    """How well the data fix a value, by its range against its size or the size that matters: the box has no part in it."""
+    if not (np.isfinite(found.low) and np.isfinite(found.high)) or (found.low, found.high) == c.limits:
+        return "flat"
+    half = 0.5 * (found.high - found.low)
+    return "determined" if half <= 1.96 * ROUGH * max(abs(value), c.typical) else "weak"
 
 
 def _unseen(c: Coordinate, local: Local, i: int) -> Row:
@@ -82,12 +132,12 @@ def _unseen(c: Coordinate, local: Local, i: int) -> Row:
 
 
 def _status(c: Coordinate, value: float, error: float) -> str:
-    """How well the data fix a value, by its standard error against the box and against the value."""
+    """How well the data fix an entry of a table or one of many coordinates: open by the box, which is a prior there, rough by the value."""
     relative = error / max(abs(value), 1e-300)
     share = relative / np.log(c.upper / c.lower) if c.log else error / (c.upper - c.lower)
     if share > OPEN:
         return "flat"
-    return "weak" if share > 0.05 and relative > 0.25 else "determined"
+    return "weak" if relative > ROUGH else "determined"
 
 
 def _fixed(name: str, p: Parameter, index: tuple[int, ...], value: float) -> Row:

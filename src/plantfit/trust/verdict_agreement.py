@@ -16,7 +16,7 @@ def agreement_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         return
     if told["runs"] > 1:
         yield _count(told)
-    yield from _cut(told)
+    yield from _cut(told, any(p.get("open") for p in findings.get("parameters", ())))
     yield from _answers(told)
 
 
@@ -32,13 +32,13 @@ def _count(told: Mapping[str, Any]) -> Sentence:
     return say("good" if 2 * told["agree"] >= runs - left else "warning", text, runs=told["agree"], of=runs - left)
 
 
-def _cut(told: Mapping[str, Any]) -> Iterator[Sentence]:
+def _cut(told: Mapping[str, Any], flat: bool) -> Iterator[Sentence]:
     runs, spent, reached = told["runs"], told["spent"], told["spent_and_agree"]
     if told["ended"] == "cut":
         yield say(
             "warning",
             "The reported answer is not the end of a search: the local search on the final problem was cut after 200 derivatives. "
-            "Give a larger budget, or look for parameters that the data do not determine.",
+            + ("It goes on along parameters that the data do not determine." if flat else "Give a larger budget."),
         )
     if not spent:
         return

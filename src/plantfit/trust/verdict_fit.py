@@ -143,20 +143,37 @@ def _next(row: Row) -> float:
     return row["autocorrelation"][1] if len(row["autocorrelation"]) > 1 else 0.0
 
 
+def _in_time(findings: Findings) -> bool:
+    """Whether rows are samples one after another."""
+    return findings.get("standard_errors", {}).get("in_time", True)
+
+
+def _one(findings: Findings) -> str:
+    return "sample" if _in_time(findings) else "row"
+
+
+def _allow(findings: Findings) -> str:
+    """What standard errors make of correlated residuals."""
+    return "do not allow for it" if findings.get("standard_errors", {}).get("kind") == "classical" else "allow for it"
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = _where(findings, row)
     if row["white"]:
-        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): no dynamics are left to explain."
+        rest = "no dynamics are left to explain" if _in_time(findings) else "no pattern is left in the order of the rows"
+        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): {rest}."
         return say("good", text, p_value=row["p_value"])
     text = (
-        f"The residuals of {where} are not white (correlation {_next(row):.2f} from one sample to the next); "
-        "standard errors account for it, but something systematic is missing"
+        f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
+        f"standard errors {_allow(findings)}, and something systematic is missing"
     )
     left = [i for i, c in row["cross"].items() if not c["independent"]]
     text += (
         f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
+        if row["cross"]
+        else "."
     )
     return say("warning", text, correlation=_next(row))
 
@@ -165,13 +182,14 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
     white, coloured = [r for r in rows if r["white"]], [r for r in rows if not r["white"]]
     if white:
         where = f"{len(white)} of {len(rows)}" if coloured else f"all {len(rows)}"
-        text = f"The residuals of {output} are white in {where} recordings: no dynamics are left to explain there."
+        rest = "no dynamics are left to explain there" if _in_time(findings) else "no pattern is left in the order of their rows"
+        text = f"The residuals of {output} are white in {where} recordings: {rest}."
         yield say("good" if not coloured else "info", text, white=len(white))
     if coloured:
         text = (
             f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings ({_names(coloured)}; "
-            f"correlation up to {max(map(_next, coloured)):.2f} from one sample to the next); "
-            "standard errors account for it, but something systematic is missing."
+            f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
+            f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         left = [r for r in coloured if any(not c["independent"] for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""

@@ -1,0 +1,167 @@
+"""Ranges of parameters by feasibility: against closed forms, in boxes of several widths, with physical limits."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from plantfit import Parameter, Problem, Recording, Signal, equations
+from plantfit.errors import SpaceError
+from plantfit.fitting import fit
+from plantfit.trust.local import linearise
+
+N = 200
+X = np.linspace(0.1, 3.0, N)
+
+
+def answer(text, truth, parameters, *, noise=0.01, seed=1, **options):
+    """The fit of a static model to its own outputs with white noise; `truth` is the outputs' formula."""
+    y = truth(X) + noise * np.random.default_rng(seed).normal(size=N)
+    model = equations(text, inputs=["x"], outputs=["y"], parameters=list(parameters), name="curve")
+    record = Recording(np.arange(N) * 1.0, {"x": Signal(X, None), "y": Signal(y, None)}, "run")
+    return fit(Problem(model, record, parameters, **options), seed=seed)
+
+
+def rows(found):
+    return {row["name"]: row for row in found.findings["parameters"]}
+
+
+def test_a_well_known_line_has_the_textbook_intervals():
+    found = answer("y = a*x + b", lambda x: 2.0 * x + 1.0, {"a": Parameter((0.0, 5.0)), "b": Parameter((-5.0, 5.0))})
+    matrix = np.column_stack([X, np.ones(N)])
+    y = np.asarray(found.problem.experiments["run"].recording["y"])
+    rest = y - matrix @ np.linalg.lstsq(matrix, y)[0]
+    expected = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * (rest @ rest) / (N - 2))
+    for name, error in zip("ab", expected, strict=True):
+        row = rows(found)[name]
+        assert row["status"] == "determined"
+        assert row["standard_error"] == pytest.approx(error, rel=1e-6)
+        assert row["high"] - row["value"] == pytest.approx(1.972 * error, rel=2e-3)  # Student's t with 198 degrees of freedom
+    assert found.findings["determined"]["count"] == 2
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize("most", [5.0, 1e3])
+def test_of_a_product_only_the_product_is_determined_in_any_box(scale, most):
+    found = answer("y = a*b*x", lambda x: 2.0 * x, {"a": Parameter((1e-3, most), scale=scale), "b": Parameter((1e-3, most), scale=scale)})
+    assert {rows(found)[n]["status"] for n in "ab"} == {"flat"}
+    told = found.findings["determined"]
+    assert (told["count"], told["of"]) == (1, 2)
+    (one,) = told["combinations"]
+    assert one["product"]
+    assert set(one["formula"].split("*")) == {"a", "b"}
+    assert one["value"] == pytest.approx(2.0, abs=4 * one["standard_error"])
+    assert told["only_if"]["a"]["known"] == "b"
+    assert "larger budget" not in found.verdict
+
+
+def test_of_a_sum_only_the_sum_is_determined():
+    found = answer("y = (a + b)*x", lambda x: 2.0 * x, {"a": Parameter((-10.0, 10.0)), "b": Parameter((-10.0, 10.0))})
+    assert {rows(found)[n]["status"] for n in "ab"} == {"flat"}
+    assert rows(found)["a"]["open"] == "both"
+    (one,) = found.findings["determined"]["combinations"]
+    assert not one["product"]
+    assert one["value"] == pytest.approx(2.0, abs=0.01)
+    assert "the data allow any value" in found.verdict
+
+
+def test_physical_limits_end_a_range_where_bounds_of_the_search_do_not():
+    """a + b = 2: with both at least 0 neither is above 2; where they may be negative nothing ends them."""
+    limited = answer("y = (a + b)*x", lambda x: 2.0 * x, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.0, 10.0))})
+    for name in "ab":
+        row = rows(limited)[name]
+        assert row["status"] != "determined"
+        assert row["low"] == pytest.approx(0.0, abs=1e-6)
+        assert row["high"] == pytest.approx(2.0, rel=0.15)
+    free = Parameter((0.0, 10.0), limits=(-np.inf, np.inf))
+    unlimited = answer("y = (a + b)*x", lambda x: 2.0 * x, {"a": free, "b": free})
+    assert {rows(unlimited)[n]["status"] for n in "ab"} == {"flat"}
+
+
+def test_what_a_parameter_on_a_bound_gauges_is_not_called_determined():
+    """a b = 0.02 with b searched down to 0.05: b ends on its bound or a somewhere, and a is known only up to b."""
+    found = answer("y = a*(1 + b)*x", lambda x: 1.02 * x, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.05, 5.0))}, noise=1e-3)
+    assert rows(found)["a"]["status"] != "determined"
+
+
+@pytest.mark.parametrize("width", [1.0, 1e6])
+def test_the_status_does_not_depend_on_the_width_of_the_box(width):
+    """An offset of 0 +- 0.005 is not told from zero in any box; against a typical size of 1 it is determined."""
+    box = {"a": Parameter((0.0, 5.0)), "b": Parameter((-width, width))}
+    found = answer("y = a*x + b", lambda x: 2.0 * x + 0.0, box, noise=0.05)
+    assert rows(found)["b"]["status"] == "weak"
+    assert "b cannot be told from zero" in found.verdict
+    known = answer("y = a*x + b", lambda x: 2.0 * x, {**box, "b": Parameter((-width, width), typical=1.0)}, noise=0.05)
+    assert rows(known)["b"]["status"] == "determined"
+
+
+def test_an_end_is_followed_where_the_problem_is_curved():
+    """y = exp(-k x) with little of the curve seen: the interval of k is that of a grid of costs, not a symmetric one."""
+    box = {"k": Parameter((1e-4, 5.0), scale="log"), "c": Parameter((0.01, 1e4), scale="log")}
+    found = answer("y = c*(1 - exp(-k*x))", lambda x: 10.0 * (1.0 - np.exp(-0.05 * x)), box, noise=0.01)
+    row, y = rows(found)["k"], np.asarray(found.problem.experiments["run"].recording["y"])
+    grid = np.geomspace(1e-4, 1.0, 4000)
+    basis = 1.0 - np.exp(-grid[:, None] * X)
+    squares = np.sum(y**2) - (basis @ y) ** 2 / np.sum(basis**2, axis=1)
+    least = squares.min()
+    inside = grid[squares - least <= 1.972**2 * least / (N - 2)]
+    assert row["low"] == pytest.approx(inside[0], rel=0.15)
+    assert row["high"] == pytest.approx(inside[-1], rel=0.15)
+
+
+def test_limits_are_checked_and_have_defaults():
+    from plantfit.errors import SpaceError
+    from plantfit.space import Space
+
+    def limits(p):
+        return Space({"m": p}).coordinates[0].limits
+
+    assert limits(Parameter((0.1, 2.0))) == (0.0, np.inf)
+    assert limits(Parameter((-2.0, 0.0))) == (-np.inf, 0.0)
+    assert limits(Parameter((-2.0, 1.0))) == (-np.inf, np.inf)
+    assert limits(Parameter((0.2, 0.8), limits=(0.0, 1.0))) == (0.0, 1.0)
+    with pytest.raises(SpaceError, match=r"'m' is searched from -1 to 2, beyond its physical limits \[0, inf\]"):
+        limits(Parameter((-1.0, 2.0), limits=(0.0, np.inf)))
+    with pytest.raises(SpaceError, match="typical = -1"):
+        limits(Parameter((-1.0, 2.0), typical=-1.0))
+
+
+def test_standard_errors_without_a_box():
+    """The error of an offset that is hardly known is its own, not that of a box."""
+    found = answer("y = a*x + b", lambda x: 2.0 * x, {"a": Parameter((0.0, 5.0)), "b": Parameter((-1e-3, 1e-3))}, noise=0.05)
+    local = linearise(found.problem, found.best.x)
+    matrix = np.column_stack([X, np.ones(N)])
+    expected = 0.05 * np.sqrt(np.linalg.inv(matrix.T @ matrix)[1, 1])
+    assert local.standard_error[1] == pytest.approx(expected, rel=0.15)
+
+
+def test_classical_and_robust_errors_are_an_option():
+    """Noise with a correlation of 0.8 from row to row: robust errors are larger by about sqrt((1 + r) / (1 - r)) = 3 for a mean."""
+    noise = np.asarray(lfilter([0.6], [1.0, -0.8], np.random.default_rng(3).normal(size=N))) * 0.05
+    box, errors = {"a": Parameter((0.0, 5.0)), "b": Parameter((-5.0, 5.0))}, {}
+    for kind in (None, "classical", "robust"):
+        found = answer("y = a*x + b", lambda x: 2.0 * x + 1.0 + noise, box, noise=0.0, standard_errors=kind)
+        errors[kind] = rows(found)["b"]["standard_error"]
+        assert found.findings["standard_errors"] == {"kind": kind or "classical", "in_time": False}
+        assert ("do not allow for it" in found.verdict) == (kind != "robust")
+    assert errors[None] == errors["classical"]
+    assert errors["robust"] > 1.7 * errors["classical"]
+    with pytest.raises(SpaceError, match="standard_errors = 'plain'; give 'robust' or 'classical'"):
+        answer("y = a*x + b", lambda x: x, box, standard_errors="plain")
+
+
+@pytest.mark.parametrize(("text", "n"), [("y = a*x + b", 3), ("y = a*x + b", 2), ("y = a*x", 40)])
+def test_few_rows_and_outputs_that_are_all_zero_have_a_verdict(text, n):
+    model = equations(text, inputs=["x"], outputs=["y"], parameters=["a", "b"] if "b" in text else ["a"], name="curve")
+    record = Recording(np.arange(n) * 1.0, {"x": Signal(X[:n], None), "y": Signal(np.zeros(n), None)}, "run")
+    found = fit(Problem(model, record, {p.name: Parameter((0.0, 5.0)) for p in model.parameters}))
+    assert "determine" not in found.verdict or n > 3
+    assert found.findings["parameters"][0]["value"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_plant_at_rest_has_a_verdict():
+    """Outputs of a dynamic model that are all zero: nothing is known, and nothing crashes."""
+    t = np.arange(100) * 0.1
+    model = equations("x' = a*u - b*x\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["a", "b"], name="lag")
+    record = Recording(t, {"u": Signal(np.ones(100), None), "y": Signal(np.zeros(100), None)}, "run")
+    found = fit(Problem(model, record, {"a": Parameter((0.0, 5.0)), "b": Parameter((0.1, 5.0), scale="log")}))
+    assert rows(found)["b"]["status"] != "determined"
