@@ -181,7 +181,7 @@ def holm(rows: list[dict]) -> None:
     """Marks the rows whose coverage is outside of the band, over all rows together (Holm, Scand. J. Statist. 6 (1979) 65)."""
     order, alive = sorted(rows, key=lambda r: r["p"]), True
     for k, row in enumerate(order):
-        alive = alive and row["p"] <= BAND / (len(order) - k)
+        alive = bool(alive and row["p"] <= BAND / (len(order) - k))
         row["outside"] = alive
 
 
@@ -208,7 +208,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, default=None, help="where the rows are kept")
     options = parser.parse_args()
-    rows: list[dict] = []
+    rows: list[dict] = []  # of all rigs
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         for name in options.rigs:
             parts = np.array_split(np.arange(1, options.fits + 1), options.workers)
@@ -216,9 +216,9 @@ def main() -> None:
             rows += table(name, found)
             print(f"{name}: {len(found)} fits", flush=True)
     holm(rows)
+    print(report(rows))
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
-    print(report(rows))
 
 
 if __name__ == "__main__":

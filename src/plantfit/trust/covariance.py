@@ -129,7 +129,9 @@ def sandwich(
         rows, columns = _nonzero(j[block.rows])
         touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
-        spread[np.ix_(touched, touched)] += prewhitened_long_run(by_residual * own[:, None], block.index) * len(residuals) / degrees
+        spread[np.ix_(touched, touched)] += (
+            prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees
+        )
         alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
     # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
     # J. Econometrics 29 (1985) 305)
