@@ -1,6 +1,8 @@
 """What the package promises as a whole: its errors, its licence, its pins."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -80,3 +82,28 @@ def test_equation_error_points_at_the_character():
 @pytest.mark.parametrize("status", list(errors.Status))
 def test_every_status_has_a_sentence(status):
     assert status.sentence.endswith(".")
+
+
+def test_the_range_of_pythons_is_said_alike():
+    """`requires-python` rules: the Makefile asks it, the README and the classifiers repeat it."""
+    low, high = (int(n) for n in re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups())  # pyright: ignore[reportOptionalMemberAccess]
+    versions = [f"3.{n}" for n in range(low, high)]
+    assert [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if "Python :: 3." in c] == versions
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert f"python3 ({versions[0]} to {versions[-1]})" in readme
+    assert f"Python {', '.join(versions[:-1])} or {versions[-1]}" in readme
+    assert "tools/python_version.py" in (ROOT / "Makefile").read_text("utf-8")
+    code = "import runpy; f = runpy.run_path('tools/python_version.py')['allowed']; print([f('{}', (3, n)) for n in range(9, 16)])"
+    told = subprocess.run([sys.executable, "-c", code.format(PROJECT["requires-python"])], cwd=ROOT, capture_output=True, text=True)
+    assert told.stdout.strip() == str([low <= n < high for n in range(9, 16)]), told.stderr
+    assert subprocess.run([sys.executable, "tools/python_version.py"], cwd=ROOT).returncode == 0
+
+
+def test_the_core_imports_no_extra():
+    """Whatever an extra brings, and what SALib brings, stays out of the import of every room."""
+    rooms = ["recording", "problem", "study", "spec", "trust", "report", "control", "rig", "cli.main", "cli.sensitivity", "fitting"]
+    heavy = ["SALib", "pandas", "matplotlib", "distributed", "fastexcel", "psycopg", "serial", "control", "osqp"]
+    loaded = f"print([n for n in {heavy} if n in sys.modules])"
+    code = f"import sys, importlib\nfor room in {rooms}: importlib.import_module('plantfit.' + room)\n{loaded}"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert told.stdout.strip() == "[]", told.stderr

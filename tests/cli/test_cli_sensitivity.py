@@ -60,3 +60,19 @@ def test_bad_input_is_one_sentence(folder, capsys, monkeypatch, words, code, sai
     assert heard.code == code, heard.err
     assert said in heard.err
     assert "Traceback" not in heard.err
+
+
+def test_without_salib_the_package_is_named_before_anything_is_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("plantfit.trust.salib_extra.find_spec", lambda name: None)
+    said = call(capsys, monkeypatch, "sensitivity", str(tmp_path / "none.toml"), "--box")
+    assert (said.code, said.out) == (11, "")
+    assert said.err == "plantfit: Sensitivity needs the package SALib; install it with: pip install 'plantfit[trust]'\n"
+
+
+def test_the_steam_demo_says_what_is_left_out_without_salib():
+    from plantfit.cases.steam.screening_section import TITLE, not_screened
+    from plantfit.report.case_page import render_case_page
+
+    page = render_case_page({"title": "x", "sections": [not_screened()]})
+    assert TITLE in page
+    assert "Left out: the screening needs the package SALib" in page

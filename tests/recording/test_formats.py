@@ -99,3 +99,29 @@ def test_wrong_arrays():
         rec.from_arrays(signals={"u": U})
     with pytest.raises(UnitError):
         rec.from_arrays(T, signals={"u": (U, "Vlt")})
+
+
+def test_a_file_that_ends_the_process_of_its_reader_is_refused_and_others_are_read_after_it(tmp_path, monkeypatch):
+    """The trial is real; what crashes there is faked, since each version of a parser crashes at other files."""
+    from plantfit.recording import tried
+
+    code = tried._TRY.replace("polars.read_parquet(path)", "__import__('os').abort() if 'bad' in path else None")
+    monkeypatch.setattr(tried, "_TRY", code.replace("polars.read_parquet_metadata(path)", "None"))
+    helper = tried._Helper()
+    monkeypatch.setattr(tried, "_helper", lambda: helper)
+    for name in ("good", "bad", "other"):
+        pl.DataFrame({"t": [0.0, 1.0, 2.0], "y": [1.0, 2.0, 3.0]}).write_parquet(tmp_path / f"{name}.parquet")
+    assert len(rec.read(tmp_path / "good.parquet")) == 3
+    first = helper.process
+    assert len(rec.read(tmp_path / "other.parquet")) == 3
+    assert helper.process is first  # one process for all
+    with pytest.raises(RecordingError, match=r"bad\.parquet is damaged: reading it as Parquet crashes; write it anew"):
+        rec.read(tmp_path / "bad.parquet")
+    assert len(rec.read(tmp_path / "good.parquet")) == 3
+    assert helper.process is not first
+    helper.stop()
+    monkeypatch.setattr(tried, "_TRY", "import time\ntime.sleep(100)")
+    monkeypatch.setattr(tried, "SECONDS", 0.2)
+    with pytest.raises(RecordingError, match=r"good\.parquet is damaged: reading it as Parquet does not end"):
+        rec.read(tmp_path / "good.parquet")
+    assert helper.process is None

@@ -43,12 +43,13 @@ def sensitivity(
     """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""
     from plantfit import spec as specs
     from plantfit.problem.steps import choose_substeps
-    from plantfit.trust import morris, sobol_indices
+    from plantfit.trust import morris, need_salib, sobol_indices
 
     if method not in METHODS:
         raise SearchError(f"--method {method} is unknown; use one of {list(METHODS)}.")
     if box and radius is not None:
         raise SearchError(f"--box looks at the whole box and --radius {radius:g} around a point; give one of them.")
+    need_salib()
     read = specs.load(spec)
     problem = choose_substeps(read.problem)
     wide = radius if method == "sobol" else None if box else 0.01 if radius is None else radius

@@ -14,7 +14,7 @@ from plantfit.recording.assemble import Options, assemble
 from plantfit.recording.columns import Column, Table, named_columns
 from plantfit.recording.files import existing
 from plantfit.recording.record import Recording, Signal
-from plantfit.recording.tried import check_mat
+from plantfit.recording.tried import check
 
 
 def from_arrays(
@@ -66,7 +66,7 @@ def mat_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
     file = existing(path)
     if b"MATLAB 7.3" in file.open("rb").read(128):
         raise RecordingError(f"{file.name} is a MATLAB 7.3 file; save it in MATLAB with save(..., '-v7').")
-    check_mat(file)
+    check("mat", file)
     try:
         content = loadmat(file, simplify_cells=True)
     except Exception as error:  # damaged files fail in many ways inside scipy

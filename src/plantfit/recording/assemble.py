@@ -47,10 +47,10 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
         log += said
         units[name] = column.unit
     units = _with_given_units(table, units, options.get("units") or {}, chosen)
-    order, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
+    count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
     signals = {name: Signal(array, units[name]) for name, array in values.items()}
     name = options.get("name") or table.source
-    return Recording(t, signals, name, (*log, *said, f"{len(order)} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s."))
+    return Recording(t, signals, name, (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s."))
 
 
 def _check_options(table: Table, options: Options) -> None:
@@ -138,9 +138,13 @@ def _with_given_units(
 
 def _in_order(
     table: Table, t: np.ndarray, values: dict[str, np.ndarray], sort: bool, duplicates: str | None
-) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, list[str]]:
+) -> tuple[int, dict[str, np.ndarray], np.ndarray, list[str]]:
+    """How many samples are left, their values and times, in the order of time, and log sentences."""
+    steps = np.diff(t)
+    if np.all(steps > 0):
+        return len(t), values, t, []
     order, log = np.arange(len(t)), []
-    back = np.flatnonzero(np.diff(t) < 0)
+    back = np.flatnonzero(steps < 0)
     if len(back) and not sort:
         row = int(back[0]) + 1
         raise RecordingError(
@@ -154,14 +158,14 @@ def _in_order(
     values = {name: array[order] for name, array in values.items()}
     same = np.flatnonzero(np.diff(t) == 0)
     if not len(same):
-        return order, values, t, log
+        return len(t), values, t, log
     if duplicates is None:
         row = int(order[same[0] + 1])
         raise RecordingError(f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates='mean' or duplicates='first'.")
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])
     merge = _first if duplicates == "first" else _mean
     log.append(f"{len(same)} rows of repeated time were merged ({duplicates}).")
-    return order[starts], {name: merge(array, starts) for name, array in values.items()}, t[starts], log
+    return len(starts), {name: merge(array, starts) for name, array in values.items()}, t[starts], log
 
 
 def _first(values: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import difflib
 import keyword
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +35,7 @@ class Table:
 
     source: str
     columns: tuple[Column, ...]
-    places: np.ndarray | None = None
+    places: Sequence[int] | np.ndarray | None = None
     place: str = "row"
     decimal: str = "auto"
     header: bool = True

@@ -4,6 +4,7 @@ import csv as standard_csv
 import io
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Unpack
 
@@ -14,9 +15,10 @@ from plantfit.errors import RecordingError
 from plantfit.recording.assemble import Options, assemble
 from plantfit.recording.clock import looks_like_time
 from plantfit.recording.columns import Table, named_columns
-from plantfit.recording.files import existing, read_text
+from plantfit.recording.files import decoded, existing, read_bytes
 from plantfit.recording.grid import headings, is_header, unique, unit_row
 from plantfit.recording.numbers import is_missing, is_number
+from plantfit.recording.plain_text import ENOUGH, head_of, plain_frame
 from plantfit.recording.record import Recording
 
 COMMENTS = ("#", "%", "//")
@@ -65,23 +67,75 @@ def csv_table(
         raise RecordingError(f"{file.name}: decimal is {decimal!r}; use '.', ',' or 'auto'.")
     if delimiter is not None and (len(delimiter.encode()) != 1 or delimiter in '"\n\r'):
         raise RecordingError(f"{file.name}: delimiter is {delimiter!r}; give one character, or ' ' for any white space.")
-    text, encoding = read_text(file)
+    data = read_bytes(file)
+    quick = _quickly(file.name, data, delimiter, decimal, header, skip)
+    if quick is not None:
+        return quick
+    text, encoding = decoded(data, file)
+    del data
     found = _content(file.name, text, skip)
+    del text
+    top = _top(found, delimiter, decimal, header)
+    frame, places = _parse(found, top.first, top.separator, len(top.rows[0]), top.log)
+    return _table(file.name, encoding, top, frame, places, decimal)
+
+
+@dataclass(frozen=True)
+class _Top:
+    """What the first lines say: the delimiter, some rows, names and units where there are any, and the index of the first row of data."""
+
+    separator: str
+    rows: list[list[str]]
+    names: list[str] | None
+    units: list[str | None] | None
+    first: int
+    log: list[str]
+    story: list[str]  # of the recording before it was written
+
+
+def _top(found: _Lines, delimiter: str | None, decimal: str, header: bool | None) -> _Top:
     separator = delimiter or _sniff(found.lines, allow_comma=decimal != ",")
     rows = _fields_of(found.lines[:3], separator)
-    log = [f"Read from {file.name} ({encoding}, delimiter {_NAMES.get(separator, separator)})."]
-    log = [line[len(LOG_MARK) :] for line in found.leading if line.startswith(LOG_MARK)] + log
-    if found.comments:
-        log.append(f"{found.comments} comment lines were skipped.")
+    story = [line[len(LOG_MARK) :] for line in found.leading if line.startswith(LOG_MARK)]
+    log = [f"{found.comments} comment lines were skipped."] if found.comments else []
     names, units, first = _header(rows, header, found, separator, log)
-    frame, places = _parse(found, first, separator, len(rows[0]), log)
-    named = names is not None
-    columns = named_columns(unique(names or headings(frame.width)), frame.get_columns(), units)
+    return _Top(separator, rows, names, units, first, log, story)
+
+
+def _quickly(source: str, data: bytes, delimiter: str | None, decimal: str, header: bool | None, skip: int) -> Table | None:
+    """The table of a long file of plain rows, or None where it has to be read line by line."""
+    head = head_of(data)
+    if head is None or decimal == "," or skip < 0:
+        return None
+    try:
+        found = _content(source, head, skip)
+        top = _top(found, delimiter, decimal, header)
+    except RecordingError:  # a cell in quotation marks may go on behind the head
+        return None
+    rows = _fields_of(found.lines[top.first : top.first + ENOUGH], top.separator)
+    plain = plain_frame(data, rows, found.numbers[top.first], top.separator) if len(rows) == ENOUGH else None
+    if plain is None:
+        return None
+    if plain.cut is not None:
+        top.log.append(_cut(plain.cut))
+    places = range(plain.first, plain.first + plain.frame.height)
+    return _table(source, "UTF-8", top, plain.frame, places, decimal)
+
+
+def _table(source: str, encoding: str, top: _Top, frame: pl.DataFrame, places: Sequence[int] | np.ndarray, decimal: str) -> Table:
+    log = [*top.story, f"Read from {source} ({encoding}, delimiter {_NAMES.get(top.separator, top.separator)}).", *top.log]
+    named = top.names is not None
+    columns = named_columns(unique(top.names or headings(frame.width)), frame.get_columns(), top.units)
     # a delimiter at the end of every line makes an empty column without name
     columns = tuple(
-        c for i, c in enumerate(columns) if not (c.cells.null_count() == len(c.cells) and named and not (names or [])[i].strip())
+        c for i, c in enumerate(columns) if not (c.cells.null_count() == len(c.cells) and named and not (top.names or [])[i].strip())
     )
-    return Table(file.name, columns, places, "line", "." if separator == "," and decimal == "auto" else decimal, named, tuple(log))
+    mark = "." if top.separator == "," and decimal == "auto" else decimal
+    return Table(source, columns, places, "line", mark, named, tuple(log))
+
+
+def _cut(line: int) -> str:
+    return f"The last line ({line}) is incomplete and was left out."
 
 
 def _content(source: str, text: str, skip: int) -> _Lines:
@@ -174,7 +228,7 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
     counts = [line.count(separator) + 1 if '"' not in line else len(_fields(line, separator)) for line in lines]
     uneven = [row for row, count in enumerate(counts) if count != width]
     if uneven == [len(lines) - 1] and counts[-1] < width and len(lines) > 1:
-        log.append(f"The last line ({numbers[-1]}) is incomplete and was left out.")
+        log.append(_cut(numbers[-1]))
         lines, numbers, uneven = lines[:-1], numbers[:-1], []
     if uneven:
         row = uneven[0]

@@ -27,14 +27,17 @@ def existing(path: str | os.PathLike[str]) -> Path:
     raise RecordingError(f"File {str(file)!r} does not exist{hint}; check the path.")
 
 
-def read_text(file: Path) -> tuple[str, str]:
-    """(text, encoding) of a text file, gzip or not: UTF-8 or UTF-16 with or without mark, else Latin-1."""
+def read_bytes(file: Path) -> bytes:
+    """The bytes of a file, gzip or not. Raises RecordingError."""
     try:
         data = file.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
+        return gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
     except (OSError, EOFError) as error:
         raise RecordingError(f"File {str(file)!r} cannot be read ({error}); check that it is complete and may be read.") from None
+
+
+def decoded(data: bytes, file: Path) -> tuple[str, str]:
+    """(text, encoding) of the bytes of a text file: UTF-8 or UTF-16 with or without mark, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace"), "UTF-16"
     if b"\x00" in data[:4096] or data[:4] == b"PK\x03\x04":

@@ -30,11 +30,12 @@ def clean_text(cells: pl.Series) -> pl.Series:
 
 
 def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
-    """(values (n,), rows that hold text, whether a decimal comma was read) for text or number cells."""
+    """(values (n,), which may be those of the cells, rows that hold text, whether a decimal comma was read) for text or number cells."""
     if cells.dtype != pl.String:
         if not (cells.dtype.is_numeric() or cells.dtype == pl.Boolean or cells.dtype == pl.Null):
             return np.full(len(cells), np.nan), np.flatnonzero(cells.is_not_null().to_numpy()), False
-        return cells.cast(pl.Float64).fill_null(np.nan).to_numpy().copy(), np.zeros(0, dtype=int), False
+        values = cells.cast(pl.Float64)
+        return (values.fill_null(np.nan) if values.null_count() else values).to_numpy(), np.zeros(0, dtype=int), False
     text = clean_text(cells)
     point = text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
     bad = (point.is_null() & text.is_not_null()).to_numpy()
@@ -46,11 +47,13 @@ def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool
         point = pl.select(pl.when(pointed).then(None).otherwise(comma)).to_series()
         bad = (point.is_null() & text.is_not_null()).to_numpy()
         comma_read = bool(text.str.contains(",", literal=True).any())
-    return point.fill_null(np.nan).to_numpy().copy(), np.flatnonzero(bad), comma_read
+    return point.fill_null(np.nan).to_numpy(), np.flatnonzero(bad), comma_read
 
 
 def mostly_numbers(table: Table, column: Column) -> bool:
     """Whether at least half of the cells that are there, and at least one, are numbers."""
+    if column.cells.dtype.is_numeric():
+        return bool(column.cells.cast(pl.Float64).is_finite().any())
     values, text, _ = casted(table, column.cells)
     count = int(np.isfinite(values).sum())
     return count > 0 and count >= len(text)
@@ -68,9 +71,12 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
     if comma and table.decimal == "auto":
         _refuse_both_marks(table, column)
     log = [f"Column {column.header!r} was read with a decimal comma."] if comma else []
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(values.sum()):  # nothing is missing
+            return values, log
     infinite = int(np.isinf(values).sum())
     if infinite:
-        values[np.isinf(values)] = np.nan
+        values = np.where(np.isinf(values), np.nan, values)
         log.append(f"{infinite} infinite values of {column.header!r} count as missing.")
     if not np.isfinite(values).any():
         raise RecordingError(f"{table.source}: column {column.header!r} for {purpose} holds no numbers; choose another column.")

@@ -12,6 +12,7 @@ from plantfit.recording.columns import Table
 from plantfit.recording.csv import csv_table, read_csv
 from plantfit.recording.files import existing
 from plantfit.recording.memory import free_memory, memory_needed
+from plantfit.recording.panics import unheard
 from plantfit.recording.record import Recording
 from plantfit.recording.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
 
@@ -65,7 +66,8 @@ def _of(path: str | os.PathLike[str]) -> Iterator[None]:
             "cut the file into parts, or keep only the columns that are used."
         )
     try:
-        yield
+        with unheard():
+            yield
     except (PlantfitError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except MemoryError as error:

@@ -13,6 +13,7 @@ from plantfit.recording.columns import Table, named_columns
 from plantfit.recording.files import existing
 from plantfit.recording.grid import headings, is_header, unique, unit_row
 from plantfit.recording.record import Recording
+from plantfit.recording.tried import check
 
 
 def read_parquet(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
@@ -36,6 +37,7 @@ def from_frame(frame: Any, **options: Unpack[Options]) -> Recording:
 def parquet_table(path: str | os.PathLike[str]) -> Table:
     """The columns of a Parquet file, not yet interpreted."""
     file = existing(path)
+    check("parquet", file)
     try:
         frame = pl.read_parquet(file)
     except (pl.exceptions.PolarsError, OSError) as error:

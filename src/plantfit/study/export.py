@@ -112,6 +112,8 @@ def _whole(path: Path, write: Callable[[Path], object]) -> None:
     try:
         try:
             write(temporary)
+            with temporary.open("rb+") as written:  # on the disk before it takes the place of an older file
+                os.fsync(written.fileno())
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)

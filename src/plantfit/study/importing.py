@@ -12,6 +12,8 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import Status, StoreError
+from plantfit.recording.panics import unheard
+from plantfit.recording.tried import crash
 from plantfit.study.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
 from plantfit.study.plan import MOST_RUNS
@@ -67,11 +69,16 @@ def _refuse_surrogates(record: Any) -> None:
 
 
 def _from_parquet(path: Path) -> WholeStudy:
+    why = crash("parquet", path)
+    if why is not None:
+        raise _Refused(f"is a broken Parquet file (reading it {why}); {AGAIN}")
     try:
-        text = pl.read_parquet_metadata(path).get("plantfit")
+        with unheard():
+            text = pl.read_parquet_metadata(path).get("plantfit")
         if text is None:
             raise _Refused('is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export` wrote')
-        frame = pl.read_parquet(path)
+        with unheard():
+            frame = pl.read_parquet(path)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         reason = (str(error).splitlines() or ["unreadable"])[0]
         raise _Refused(f"is a broken Parquet file ({reason}); {AGAIN}") from error

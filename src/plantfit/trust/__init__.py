@@ -20,6 +20,7 @@ from plantfit.trust.profile import Profile, profile
 from plantfit.trust.reading_budgets import reading_budgets
 from plantfit.trust.regression_errors import RegressionPart, regression_covariance
 from plantfit.trust.residual_tests import autocorrelation, cross_correlation, whiteness
+from plantfit.trust.salib_extra import has_salib, need_salib
 from plantfit.trust.screening import Screening, morris
 from plantfit.trust.sobol_indices import SobolIndices, sobol_indices
 from plantfit.trust.uncertainty_budget import Budget, Source, type_a, type_b, uncertainty_budget
@@ -60,10 +61,12 @@ __all__ = [
     "flat_curves",
     "flat_directions",
     "gain",
+    "has_salib",
     "linearise",
     "link_constraints",
     "morris",
     "nearest_possible",
+    "need_salib",
     "open_answers",
     "openings",
     "profile",

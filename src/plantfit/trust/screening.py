@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import SearchError
+from plantfit.trust.salib_extra import need_salib
 from plantfit.trust.sampled_costs import Costed, Groups, box_around, check_confidence, costs_at, whole_number
 
 
@@ -62,8 +63,9 @@ def morris(
 
     Sampling and analysis are SALib's (T. Iwanaga, W. Usher, J. Herman, SESMO 4 (2022) 18155): M. Morris, Technometrics 33 (1991) 161;
     groups and mu*: F. Campolongo, J. Cariboni, A. Saltelli, Env. Modelling & Software 22 (2007) 1509; choice of trajectories:
-    M. Ruano et al., Env. Modelling & Software 37 (2012) 103. Raises SpaceError, SearchError, Interrupted.
+    M. Ruano et al., Env. Modelling & Software 37 (2012) 103. Raises SpaceError, SearchError, MissingExtra, Interrupted.
     """
+    need_salib()
     from SALib.analyze import morris as analyze
     from SALib.sample import morris as sample
 

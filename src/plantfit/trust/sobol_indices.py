@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import SearchError
+from plantfit.trust.salib_extra import need_salib
 from plantfit.trust.sampled_costs import Costed, Groups, box_around, check_confidence, costs_at, whole_number
 
 
@@ -59,8 +60,9 @@ def sobol_indices(
     with all its copies.
 
     Sampling and analysis are SALib's (T. Iwanaga, W. Usher, J. Herman, SESMO 4 (2022) 18155): A. Saltelli et al., Comp. Phys. Comm.
-    181 (2010) 259, table 2 (b) and (f). Raises SpaceError, SearchError, Interrupted.
+    181 (2010) 259, table 2 (b) and (f). Raises SpaceError, SearchError, MissingExtra, Interrupted.
     """
+    need_salib()
     from SALib.analyze import sobol as analyze
     from SALib.sample import sobol as sample
 

@@ -38,7 +38,7 @@ from plantfit.cases.steam.dynamic_section import (
     truth_of,
 )
 from plantfit.cases.steam.problems import dynamic_problem, static_problem, tables_from_static, total_cost
-from plantfit.cases.steam.screening_section import screening_section
+from plantfit.cases.steam.screening_section import not_screened, screening_section
 from plantfit.cases.steam.static_section import WANTED, static_section
 from plantfit.cases.steam.static_task import DelayStudy, delay_study, early_dead_times, joint, two_step, two_step_by
 from plantfit.cases.steam.tables_section import tables_section
@@ -50,6 +50,7 @@ from plantfit.recording.record import Recording
 from plantfit.rig.run import RigRun
 from plantfit.rig.steam_chamber import OPENINGS, SteamChamberRig, smooth_truth
 from plantfit.study.objective import objective_of
+from plantfit.trust import has_salib
 
 SEED = 1
 RUNS, BUDGET = (2, 10), (2000, 10_000)  # small, full
@@ -158,7 +159,7 @@ def _meaning_sections(
 ) -> list[dict[str, Any]]:
     """What the answers are worth: sensitivity around them; in the full demo tables against models with fewer numbers, and closed loops."""
     begins("screening")
-    sections = [screening_section(problem, best, SEED)]
+    sections = [screening_section(problem, best, SEED) if has_salib() else not_screened()]
     if full:
         begins("tables")
         sections.append(tables_section({n: r.recording for n, r in runs.items()}, truth_of(runs)))

@@ -8,8 +8,10 @@ import numpy as np
 from plantfit.problem.problem import Problem
 from plantfit.report import sensitivity_section
 from plantfit.report.numbers import significant
+from plantfit.trust.salib_extra import MISSING
 from plantfit.trust.screening import Screening, morris
 
+TITLE = "Which parameters matter: Morris screening"
 GROUPS = ("A1", "A2", "k", "Td")
 PAPER = {  # table 3: mu* and its confidence interval, in the order of GROUPS
     "hms": ((0.008026, 0.002282), (0.003035, 0.000862), (0.023484, 0.008050), (0.001076, 0.000460)),
@@ -29,7 +31,7 @@ def screenings(problem: Problem, points: Mapping[str, Any], seed: int = 1) -> di
 def screening_section(problem: Problem, points: Mapping[str, Any], seed: int = 1) -> dict[str, Any]:
     """Section of the page for the answers of methods by name; give the `weighted` dynamic problem, whose cost is the paper's C."""
     found = screenings(problem, points, seed)
-    section = sensitivity_section.screening_section(found, "Which parameters matter: Morris screening", "the total cost C")
+    section = sensitivity_section.screening_section(found, TITLE, "the total cost C")
     rows = []
     for label, s in found.items():
         for group, said in zip(GROUPS, PAPER.get(_method(label), ((None, None),) * 4), strict=True):
@@ -42,6 +44,11 @@ def screening_section(problem: Problem, points: Mapping[str, Any], seed: int = 1
         "note": "mu* as SALib gives it: change of C (bar²) over the width of the neighbourhood. The paper does not say how it normalised.",
     }
     return section | {"sentences": [*section["sentences"], *_said(found)], "tables": [table]}
+
+
+def not_screened() -> dict[str, Any]:
+    """The section where SALib is not installed."""
+    return {"title": TITLE, "sentences": [f"Left out: the screening {MISSING}."]}
 
 
 def _method(label: str) -> str:
