@@ -1,6 +1,12 @@
 """The study of coverage: which rows it says are outside of the band, and that one small rig runs through."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
 from benchmarks.coverage import RIGS, fits, holm, noise_of, report, table
 
 
