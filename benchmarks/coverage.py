@@ -181,7 +181,7 @@ def holm(rows: list[dict]) -> None:
     """Marks the rows whose coverage is outside of the band, over all rows together (Holm, Scand. J. Statist. 6 (1979) 65)."""
     order, alive = sorted(rows, key=lambda r: r["p"]), True
     for k, row in enumerate(order):
-        alive = alive and row["p"] <= BAND / (len(order) - k)
+        alive = bool(alive and row["p"] <= BAND / (len(order) - k))
         row["outside"] = alive
 
 
@@ -215,9 +215,9 @@ def main() -> None:
             found = [f for part in pool.map(fits, [name] * len(parts), [p.tolist() for p in parts]) for f in part]
             rows += table(name, found)
             print(f"{name}: {len(found)} fits", flush=True)
-    holm(rows)
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1))
+            holm(rows)
+            if options.json:  # what is done stays when the next rig takes long
+                options.json.write_text(json.dumps(rows, indent=1))
     print(report(rows))
 
 

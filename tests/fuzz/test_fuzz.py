@@ -1,13 +1,16 @@
 """Broken inputs end in sentences: 500 with a seed of the day in the fast suite, many more in the slow one, and what was found before."""
 
 import os
+import subprocess
 import sys
 import time
 import zlib
 from base64 import b85decode
+from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz_cli import judged
 from fuzz_inputs import LAYERS, WORDS, drawn, mutated
 
 from fuzz import Hang, fed, fuzz, limited, main
@@ -70,6 +73,35 @@ def test_the_fuzzer_finds(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("fuzz.SECONDS", 0.05)
     with pytest.raises(Hang), limited():
         sum(k for k in range(10**9))
+
+
+CLI = Path(__file__).with_name("fuzz_cli.py")
+
+
+def through_the_cli(tmp_path, *words):
+    done = subprocess.run([sys.executable, str(CLI), *words], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, which this system lacks")
+def test_some_inputs_through_the_cli(tmp_path):
+    assert "24 calls, 0 finds" in through_the_cli(tmp_path, "--inputs", "24", "--seed", "1", "--layers", "csv,store,json")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, which this system lacks")
+def test_2000_inputs_through_the_cli(tmp_path):
+    assert "2000 calls, 0 finds" in through_the_cli(tmp_path, "--inputs", "2000", "--seed", "1")
+
+
+def test_what_the_fuzzer_of_the_cli_finds():
+    sentence = "plantfit: x.csv is broken.\n"
+    assert judged(5, sentence, 1.0, 2**20) is None
+    assert judged(0, "", 1.0, 2**20) is None
+    for found in ((-11, "", 1.0, 0), (70, sentence, 1.0, 0), (5, "Traceback", 1.0, 0), (5, "", 1.0, 0), (5, "x\n" * 30, 1.0, 0),
+                  (0, "", 20.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
+        assert judged(*found), found
 
 
 # finds

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 USER = "plantfit"
 PATIENCE = 30.0
@@ -39,26 +40,48 @@ def server() -> Iterator[Path]:
     """A running server; yields the folder of its socket."""
     folder, bin_ = Path(tempfile.mkdtemp(prefix="plantfit-pg-")), programs()
     assert bin_ is not None
-    user = _other_user() if os.getuid() == 0 else None
-    who = {} if user is None else {"user": user, "group": pwd.getpwnam(user).pw_gid, "extra_groups": []}
-    if user is not None:
-        shutil.chown(folder, user)
+    who = _who()
+    if who:
+        shutil.chown(folder, who["user"])
     try:
         make = [bin_ / "initdb", "-D", folder / "data", "-A", "trust", "-U", USER, "-E", "UTF8", "--locale=C", "--no-sync"]
         subprocess.run(make, check=True, capture_output=True, cwd=folder, **who)
-        # not safe against a crash of the machine, which a test does not mind
-        quick = ["fsync=off", "full_page_writes=off", "max_connections=60", "shared_buffers=16MB", "listen_addresses="]
-        run = [bin_ / "postgres", "-D", folder / "data", "-k", folder, *(word for setting in quick for word in ("-c", setting))]
-        with (folder / "log").open("wb") as log:
-            process = subprocess.Popen(run, stdout=log, stderr=log, cwd=folder, **who)
+        start(folder)
         try:
-            _wait(process, folder)
             yield folder
         finally:
-            process.send_signal(signal.SIGQUIT)  # stop at once
-            process.wait()
+            stop(folder)
     finally:
         shutil.rmtree(folder)
+
+
+_running: dict[Path, subprocess.Popen] = {}
+
+
+def start(folder: Path) -> None:
+    """Start the server of a folder, and wait until it answers."""
+    bin_ = programs()
+    assert bin_ is not None
+    # not safe against a crash of the machine, which a test does not mind
+    quick = ["fsync=off", "full_page_writes=off", "max_connections=60", "shared_buffers=16MB", "listen_addresses="]
+    run = [bin_ / "postgres", "-D", folder / "data", "-k", folder, *(word for setting in quick for word in ("-c", setting))]
+    with (folder / "log").open("ab") as log:
+        _running[folder] = subprocess.Popen(run, stdout=log, stderr=log, cwd=folder, **_who())
+    _wait(_running[folder], folder)
+
+
+def stop(folder: Path) -> None:
+    """Stop it at once, as a power failure would."""
+    process = _running.pop(folder, None)
+    if process is not None:
+        process.send_signal(signal.SIGQUIT)
+        process.wait()
+
+
+def _who() -> dict[str, Any]:
+    """As which user it runs: not as root."""
+    user = _other_user() if os.getuid() == 0 else None
+    return {} if user is None else {"user": user, "group": pwd.getpwnam(user).pw_gid, "extra_groups": []}
 
 
 def new_database(folder: Path, name: str) -> str:

@@ -72,3 +72,12 @@ def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
     said = [s["sentence"] for s in _steps({"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{}]})]
     assert any("over the first 120 of 200 samples" in s for s in said) == part
     assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
+
+
+def test_in_a_flat_valley_no_larger_budget_is_advised():
+    extra = {}
+    Basins(extra).add(Found(np.zeros(1), 1.0))
+    [valley], [point] = search_sentences(extra, flat=True), search_sentences(extra)
+    assert "budget" not in valley["sentence"]
+    assert "valley of parameters that are not determined" in valley["sentence"]
+    assert "give a larger budget" in point["sentence"]

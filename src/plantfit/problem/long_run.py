@@ -2,26 +2,39 @@
 
 import numpy as np
 
+REGRESSORS = 10  # fitted parameters that bias a correlation, at most: not all of many are slow
 SHORT = 10  # samples below which no correlation is estimated
 
 
-def prewhitened_long_run(scores: np.ndarray, index: np.ndarray) -> np.ndarray:
+def prewhitened_long_run(scores: np.ndarray, index: np.ndarray, fitted: int = 0) -> np.ndarray:
     """Long-run sum of outer products of scores (m, d) at sample numbers `index` (m,), missing samples counting as zero.
 
     Scores of equal numbers are added first: they share one error.
 
     Every column is filtered by its own AR(1), summed, and recoloured (Andrews and Monahan,
     Econometrica 60 (1992) 953, eqs. 2.2 to 2.4, with a diagonal AR matrix). Negative correlation is
-    left to the kernel, and 0.97 bounds the factor that recolouring may add.
+    left to the kernel, and `most_memory` bounds the factor that recolouring may add. Residuals of `fitted` parameters look less
+    correlated than the errors are, which is corrected for (see `unbiased`).
     """
     first = int(np.min(index))
     spread = np.zeros((int(np.max(index)) - first + 1, scores.shape[1]))
     np.add.at(spread, index - first, scores)
     if len(spread) < SHORT:
         return spread.T @ spread
-    memory = np.clip(first_correlation(spread), 0.0, 0.97)
+    memory = np.clip(unbiased(first_correlation(spread), len(spread), fitted), 0.0, most_memory(len(spread), fitted))
     white = spread - memory * np.vstack([spread[:1], spread[:-1]])
     return long_run(white, bandwidth(white)) / np.outer(1.0 - memory, 1.0 - memory)
+
+
+def unbiased(r: np.ndarray, n: int, fitted: int) -> np.ndarray:
+    """First correlations (d,) of n residuals, corrected for the bias that a mean (Kendall, Biometrika 41 (1954) 403: (1 + 3 r) / n) and
+    `fitted` slow regressors, each (1 + r) / n, give them; those that chance explains (below 2 / sqrt(n)) stay, all for `fitted` 0."""
+    return np.where((fitted > 0) & (r > 2.0 / np.sqrt(n)), r + (1.0 + 3.0 * r + min(fitted, REGRESSORS) * (1.0 + r)) / n, r)
+
+
+def most_memory(n: int, fitted: int) -> float:
+    """The largest correlation that n samples can tell from a drift; 0.97 where `fitted` is not known."""
+    return max(0.6, 1.0 - 8.0 / n) if fitted else 0.97
 
 
 def inflation(series: np.ndarray, index: np.ndarray) -> float:

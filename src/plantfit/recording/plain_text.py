@@ -54,13 +54,15 @@ def plain_frame(data: bytes, rows: list[list[str]], first: int, separator: str) 
     last = data.rfind(b"\n", start, end) + 1
     if last > start and data.count(mark, last, end) < width - 1:  # a recording that ended in the middle of a line
         cut, end, lines = first + lines - 1, last - 1, lines - 1
+    top = data[:start].replace(b"\r", b"").removeprefix(b"\xef\xbb\xbf")
+    whole = end + 2 >= len(data) and not top.startswith(b"\n") and b"\n\n" not in top  # versions of polars count empty lines differently
     names = headings(width)
     schema = {name: pl.Float64 if kind else pl.String for name, kind in zip(names, kinds, strict=True)}
     try:
         frame = pl.read_csv(
-            data if end + 2 >= len(data) else data[:end],
+            data if whole else data[start:end],
             has_header=False,
-            skip_rows=first - 1,
+            skip_rows=first - 1 if whole else 0,
             separator=separator,
             schema=schema,
             quote_char=None,

@@ -121,7 +121,9 @@ def sandwich(
     """
     spread = bread @ prior @ bread
     if not robust:
-        return spread + bread @ (normal_matrix(j, blocks) / variance) @ bread
+        # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
+        influences = (j[block.rows] @ bread for block in blocks)
+        return spread + sum((i.T @ i for i in influences), np.zeros_like(spread)) / variance
     alike = spread.copy()
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
@@ -129,7 +131,9 @@ def sandwich(
         rows, columns = _nonzero(j[block.rows])
         touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
-        spread[np.ix_(touched, touched)] += prewhitened_long_run(by_residual * own[:, None], block.index) * len(residuals) / degrees
+        spread[np.ix_(touched, touched)] += (
+            prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees
+        )
         alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
     # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
     # J. Econometrics 29 (1985) 305)

@@ -54,11 +54,13 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
     names, d = problem.space.names, len(linear.values)
     status = {row["name"]: row["status"] for row in rows}
     loose = [i for i in range(d) if status[names[i]] != "determined"]
-    found = combinations_of(problem, linear, loose, ranges) if 1 < len(loose) <= MANY else []
-    needs = only_if(linear, loose) if 1 < len(loose) <= MANY else {}
+    found = combinations_of(problem, linear, loose, ranges) if linear.sound and 1 < len(loose) <= MANY else []
+    needs = only_if(linear, loose) if linear.sound and 1 < len(loose) <= MANY else {}
     return {
         "count": d - len(loose) + len(found),
         "of": d,
+        "sound": linear.sound,
+        "samples": linear.samples,
         "combinations": [
             {
                 "formula": c.text(names),

@@ -12,14 +12,15 @@ from plantfit.problem import points
 from plantfit.problem.problem import Problem
 from plantfit.trust.ranges import EDGE, Linear, Range, linear_end
 
-STEPS = 12  # of one refit
+STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
 PROBES = 12  # refits for one end
 NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
 ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
-LEAST, MOST = 15, 60  # Jacobians for each parameter: those that are always allowed, and at most
+LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
+WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 
 
@@ -70,8 +71,10 @@ class Followed:
         if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
             end = float(self.limits[i][1 if sign > 0 else 0])  # where nothing can be simulated the linear problem is not followed far
         here, edge = float(self.z[i]), 0.0 if sign < 0 else 1.0
-        if abs(edge - here) <= EDGE or self.left <= 0 or step == 0.0:
+        if abs(edge - here) <= EDGE or step == 0.0:
             return end
+        if self.left <= 0:
+            return self._unstopped(i, sign, Place(here, 0.0, self.z, *self.first), end)
         inside, outside = Place(here, 0.0, self.z, *self.first), None
         at, start = self._cube(i, end, edge), self._point(x)
         for probe in range(PROBES):
@@ -85,7 +88,7 @@ class Followed:
                 inside = found
                 self.met.append(found.point)
             elif found.leans:
-                return end  # the bound may hold what the data do not
+                return self._unstopped(i, sign, inside, end)  # the bound may hold what the data do not
             else:
                 outside = found
             if probe == 0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
@@ -98,8 +101,20 @@ class Followed:
         if outside is not None:
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
             return self._value(i, self._between(inside, outside) if near else outside.at)
+        return self._unstopped(i, sign, inside, end)
+
+    def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
+        """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found beyond that.
+
+        A wide linear end that no refit has tried is no end: the problem may be curved.
+        """
+        limit = float(self.limits[i][1 if sign > 0 else 0])
+        if inside.point is self.z:  # nothing was found out
+            return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
         reached = self._value(i, inside.at)
-        return max(end, reached) if sign > 0 else min(end, reached)
+        if sign * (reached - end) <= 0.0:
+            return end
+        return limit if inside.share < 0.5 else reached
 
     def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
         """The place to try next."""

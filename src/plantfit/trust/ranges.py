@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.long_run import first_correlation
+from plantfit.problem.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
 from plantfit.problem.triangle import triangle
 from plantfit.trust.covariance import Block, rounding, sandwich
@@ -17,6 +17,7 @@ FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
 MOST = 60  # coordinates up to which ranges are made; their number enters to the fourth power
 LEVEL = 0.95
+SLOW, FEW = 0.99, 8.0  # correlation above, and independent samples more than parameters below, intervals are too short
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 HALVINGS = 40
 
@@ -27,6 +28,7 @@ class Linear:
 
     `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the covariance of x by
     the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the sum may grow by.
+    `samples`: how many independent ones the residuals are worth; not `sound` where these are too few for intervals that hold.
     """
 
     values: np.ndarray
@@ -40,6 +42,7 @@ class Linear:
     quantile: float
     variance: float
     samples: float
+    sound: bool
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -59,7 +62,7 @@ class Range:
     points: list[np.ndarray] = field(default_factory=list)
 
 
-def effective_samples(residuals: np.ndarray, blocks: Sequence[Block]) -> tuple[float, float]:
+def effective_samples(residuals: np.ndarray, blocks: Sequence[Block], fitted: int) -> tuple[float, float]:
     """How many independent samples the residuals (m,) are worth, and their largest correlation from sample to sample.
 
     n (1 - r) / (1 + r) in each block, as for the mean of an AR(1) (Bartlett, J. R. Statist. Soc. 98 (1935) 536).
@@ -67,7 +70,8 @@ def effective_samples(residuals: np.ndarray, blocks: Sequence[Block]) -> tuple[f
     total, worst = 0.0, 0.0
     for block in blocks:
         own = residuals[block.rows]
-        r = float(np.clip(first_correlation(own[:, None])[0], 0.0, 0.999))
+        n = max(len(own), 1)
+        r = float(np.clip(unbiased(first_correlation(own[:, None]), n, fitted)[0], 0.0, most_memory(n, fitted)))
         total, worst = total + len(own) * (1.0 - r) / (1.0 + r), max(worst, r if len(own) >= 10 else 0.0)
     return total, worst
 
@@ -107,14 +111,15 @@ def linear_problem(
     _, singular, right = np.linalg.svd(rows, full_matrices=False)
     bread = (right.T / singular**2) @ right
     spread = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
-    samples = effective_samples(residuals, blocks)[0] if robust else float(len(residuals))
+    samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
+    sound = bool(not robust or (memory <= SLOW and samples - len(at) >= FEW))
     quantile = float(student.ppf(0.5 + LEVEL / 2, max(1.0, samples - len(at))))
     inflation = np.maximum(1.0, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
     return Linear(
         values, size, np.minimum(least, 0.0), np.maximum(most, 0.0), rows, rest, spread, quantile**2 * inflation, quantile, variance,
-        samples,
+        samples, sound,
     )  # fmt: skip
 
 

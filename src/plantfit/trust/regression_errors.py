@@ -49,7 +49,7 @@ def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
         series = np.zeros((int(last - first) + 1, k))
         for influence, at in chosen:
             np.add.at(series, at - first, influence)
-        spread += prewhitened_long_run(series, np.arange(len(series)))
+        spread += prewhitened_long_run(series, np.arange(len(series)), k)
     return 0.5 * (spread + spread.T) * n / max(1, n - k)
 
 

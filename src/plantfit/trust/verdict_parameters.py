@@ -15,6 +15,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free)
+    yield from _unsound(findings.get("determined"))
     yield from _together(findings.get("determined"))
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
@@ -40,6 +41,16 @@ def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence
 def _told(p: Row) -> str:
     """A value with its standard error, or with all its uncertainty where errors were stated."""
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
+
+
+def _unsound(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
+    """That residuals are too slow, or records too short, for intervals that hold."""
+    if found and not found.get("sound", True):
+        text = (
+            "No parameter is called determined: the residuals move so slowly that they are worth about "
+            f"{number(found['samples'])} independent samples for {found['of']} parameters, and the intervals are too short."
+        )
+        yield say("warning", text, samples=found["samples"])
 
 
 def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:

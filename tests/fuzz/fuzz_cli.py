@@ -1,0 +1,146 @@
+"""Feed broken files to the command line and count what comes of them:  python tests/fuzz/fuzz_cli.py --inputs 2000 --seed 1
+
+Each input goes to one call of `plantfit` in a process of its own, forked from one that has imported everything. A find is an ending by a
+signal, the exit code of an error inside plantfit, a traceback, more than 20 lines of errors, more than 10 s of CPU, or 2 GB of memory.
+"""
+
+import argparse
+import os
+import resource
+import signal
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fuzz_inputs import LAYERS, STUDY, drawn  # pyright: ignore[reportMissingImports]
+
+SECONDS, BYTES, LINES = 10, 2 * 2**30, 20
+INSIDE = 70  # exit code of an error that is not meant for users
+COMMANDS = {  # what reads a file of a layer; {} is the file
+    "csv": ("init", "{}", "--out", "made.toml"),
+    "parquet": ("init", "{}", "--out", "made.toml"),
+    "xlsx": ("init", "{}", "--out", "made.toml"),
+    "npz": ("init", "{}", "--out", "made.toml"),
+    "mat": ("init", "{}", "--out", "made.toml"),
+    "toml": ("check", "{}"),
+    "equations": ("check", "study.toml"),
+    "store": ("report", "--store", "{}", "--json"),
+    "json": ("import", "{}", "--store", "into.db"),
+    "export": ("import", "{}", "--store", "into.db"),
+}
+
+
+@dataclass(frozen=True)
+class Find:
+    layer: str
+    number: int
+    what: str
+    content: bytes
+
+
+def placed(layer: str, content: bytes, folder: Path) -> list[str]:
+    """The files of a call in an empty folder, and its words."""
+    file = folder / LAYERS[layer].name
+    file.write_bytes(content)
+    if layer in ("toml", "equations"):
+        (folder / "good.csv").write_bytes(LAYERS["csv"].good())
+    if layer == "equations":
+        before, _, rest = STUDY.partition(b'equations = """\n')
+        (folder / "study.toml").write_bytes(before + b'equations = """\n' + content + b'"""\n' + rest.partition(b'"""\n')[2])
+    return [word.format(file.name) for word in COMMANDS[layer]]
+
+
+def called(words: list[str], folder: Path) -> tuple[int, str, float, int]:
+    """Exit status (negative: a signal), what stands on standard error, seconds of CPU, bytes of memory at the peak."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.chdir(folder)
+            for number, name in ((1, "out"), (2, "err")):
+                os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+            used = int(sum(resource.getrusage(resource.RUSAGE_SELF)[:2]))
+            resource.setrlimit(resource.RLIMIT_CPU, (used + SECONDS + 1, used + SECONDS + 2))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+            sys.argv = ["plantfit", *words]
+            from plantfit.cli.main import run_cli
+
+            try:
+                run_cli()
+                code = 0
+            except SystemExit as end:
+                code = int(end.code or 0)
+            sys.stdout.flush()
+            sys.stderr.flush()
+        finally:
+            os._exit(code)
+    _, status, spent = os.wait4(child, 0)
+    said = (folder / "err").read_text("utf-8", errors="replace") if (folder / "err").exists() else ""
+    return os.waitstatus_to_exitcode(status), said, spent.ru_utime + spent.ru_stime, spent.ru_maxrss * 1024
+
+
+def judged(status: int, said: str, seconds: float, peak: int) -> str | None:
+    """Why it is a find, or None."""
+    if status == -signal.SIGXCPU or seconds > SECONDS + 0.5:
+        return f"{seconds:.1f} s of CPU"
+    if status < 0:
+        return f"ended by signal {-status}: {said[-3000:]}"
+    if status == INSIDE or "Traceback" in said or "panicked" in said:
+        return said
+    if status == 1 or (status and not said.strip()) or said.count("\n") > LINES:
+        return f"code {status} and {said.count(chr(10))} lines: {said[-3000:]}"
+    return f"{peak / 2**30:.1f} GiB of memory" if peak > BYTES else None
+
+
+def fuzz_cli(
+    seed: int, inputs: int | None, seconds: float | None = None, layers: tuple[str, ...] = tuple(COMMANDS)
+) -> tuple[Counter, list]:
+    """Calls by layer and exit code, and what was found."""
+    import plantfit.cli.main
+    import plantfit.spec
+    import plantfit.study  # noqa: F401
+
+    counts, finds, number = Counter(), [], 0
+    until = time.monotonic() + (float("inf") if seconds is None else seconds)
+    while (inputs is None or number < inputs) and time.monotonic() < until:
+        layer = layers[number % len(layers)]
+        with TemporaryDirectory() as place:
+            content = drawn(layer, seed, number)
+            status, said, spent, peak = called(placed(layer, content, Path(place)), Path(place))
+        counts[layer, status] += 1
+        if (what := judged(status, said, spent, peak)) is not None:
+            finds.append(Find(layer, number, what, content))
+        number += 1
+    return counts, finds
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=2000)
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--seed", type=int, default=time.time_ns() % 2**31)
+    parser.add_argument("--layers", default=",".join(COMMANDS))
+    given = parser.parse_args()
+    print(f"seed {given.seed}", flush=True)
+    layers = tuple(given.layers.split(","))
+    counts, finds = fuzz_cli(given.seed, given.inputs, None if given.minutes is None else 60 * given.minutes, layers)
+    for layer in layers:
+        print(f"{layer:10}", *(f"{n:5} x code {code}" for (of, code), n in sorted(counts.items()) if of == layer))
+    print(f"{sum(counts.values())} calls, {len(finds)} finds")
+    for find in finds:
+        folder = Path("fuzz-finds")
+        folder.mkdir(exist_ok=True)
+        file = folder / f"cli-{find.layer}-{given.seed}-{find.number}"
+        file.with_suffix(".input").write_bytes(find.content)
+        file.with_suffix(".txt").write_text(find.what, errors="backslashreplace")
+        print(f"{file}.txt: {find.what.strip().splitlines()[-1][:200]}")
+    return 1 if finds else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
