@@ -2,6 +2,7 @@
 
 Each input goes to one call of `plantfit` in a process of its own, forked from one that has imported everything. A find is an ending by a
 signal, the exit code of an error inside plantfit, a traceback, more than 20 lines of errors, more than 10 s of CPU, or 2 GB of memory.
+Inputs are drawn in another process: polars that has run does not survive a fork.
 """
 
 import argparse
@@ -11,7 +12,9 @@ import signal
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fuzz_inputs import LAYERS, STUDY, drawn  # pyright: ignore[reportMissingImports]
 
 SECONDS, BYTES, LINES = 10, 2 * 2**30, 20
+WAIT = 300  # seconds by the clock after which a call hangs, however busy the machine is
 INSIDE = 70  # exit code of an error that is not meant for users
 COMMANDS = {  # what reads a file of a layer; {} is the file
     "csv": ("init", "{}", "--out", "made.toml"),
@@ -42,12 +46,12 @@ class Find:
     content: bytes
 
 
-def placed(layer: str, content: bytes, folder: Path) -> list[str]:
+def placed(layer: str, content: bytes, good: bytes, folder: Path) -> list[str]:
     """The files of a call in an empty folder, and its words."""
     file = folder / LAYERS[layer].name
     file.write_bytes(content)
     if layer in ("toml", "equations"):
-        (folder / "good.csv").write_bytes(LAYERS["csv"].good())
+        (folder / "good.csv").write_bytes(good)
     if layer == "equations":
         before, _, rest = STUDY.partition(b'equations = """\n')
         (folder / "study.toml").write_bytes(before + b'equations = """\n' + content + b'"""\n' + rest.partition(b'"""\n')[2])
@@ -79,7 +83,14 @@ def called(words: list[str], folder: Path) -> tuple[int, str, float, int]:
             sys.stderr.flush()
         finally:
             os._exit(code)
-    _, status, spent = os.wait4(child, 0)
+    until, ended = time.monotonic() + WAIT, 0
+    while not ended:
+        ended, status, spent = os.wait4(child, os.WNOHANG)
+        if not ended and time.monotonic() > until:
+            os.kill(child, signal.SIGKILL)
+            _, status, spent = os.wait4(child, 0)
+            break
+        time.sleep(0.0 if ended else 0.01)
     said = (folder / "err").read_text("utf-8", errors="replace") if (folder / "err").exists() else ""
     return os.waitstatus_to_exitcode(status), said, spent.ru_utime + spent.ru_stime, spent.ru_maxrss * 1024
 
@@ -107,15 +118,17 @@ def fuzz_cli(
 
     counts, finds, number = Counter(), [], 0
     until = time.monotonic() + (float("inf") if seconds is None else seconds)
-    while (inputs is None or number < inputs) and time.monotonic() < until:
-        layer = layers[number % len(layers)]
-        with TemporaryDirectory() as place:
-            content = drawn(layer, seed, number)
-            status, said, spent, peak = called(placed(layer, content, Path(place)), Path(place))
-        counts[layer, status] += 1
-        if (what := judged(status, said, spent, peak)) is not None:
-            finds.append(Find(layer, number, what, content))
-        number += 1
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as drawing:
+        good = drawing.submit(LAYERS["csv"].good).result()
+        while (inputs is None or number < inputs) and time.monotonic() < until:
+            layer = layers[number % len(layers)]
+            content = drawing.submit(drawn, layer, seed, number).result()
+            with TemporaryDirectory() as place:
+                status, said, spent, peak = called(placed(layer, content, good, Path(place)), Path(place))
+            counts[layer, status] += 1
+            if (what := judged(status, said, spent, peak)) is not None:
+                finds.append(Find(layer, number, what, content))
+            number += 1
     return counts, finds
 
 

@@ -79,7 +79,7 @@ CLI = Path(__file__).with_name("fuzz_cli.py")
 
 
 def through_the_cli(tmp_path, *words):
-    done = subprocess.run([sys.executable, str(CLI), *words], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, str(CLI), *words], cwd=tmp_path, capture_output=True, text=True, timeout=7200)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

@@ -170,7 +170,7 @@ def test_tables_show_what_changed():
     assert "0/1 -> 1/1" in table.change_table(before, after)[1]
 
 
-@pytest.mark.parametrize(("name", "agree"), [("resonance line", 1), ("glow curve", 3)])
+@pytest.mark.parametrize(("name", "agree"), [("resonance line", 1), ("stribeck curve", 3)])
 def test_auto_finds_the_optimum_of_a_few(name, agree):
     """The first has so many optima that the budget ends before a tenth of the box is unseen: it is not called converged."""
     verdict = judge(CASES[name].problem(), TRUTHS[name], 0)

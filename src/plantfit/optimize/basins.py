@@ -6,6 +6,7 @@ import numpy as np
 
 from plantfit.optimize.local import Found
 
+ELSEWHERE, FAR = 8, 0.05  # points of the best cost that are kept, and how far apart they are in the cube
 DOUBT = 0.1  # share of the box that may be unseen when the budget ends a run that is called converged
 
 
@@ -18,13 +19,15 @@ class Basins:
 
     Keeps in `extra`: `starts` (searches that came to their end), `cut_searches`, `skipped_starts` (points that could not be
     simulated), `basin_hits` (independent searches that ended at the best cost), `optima` (different costs at which independent
-    searches ended), `unseen`, `local_costs` (of the searches that ended).
+    searches ended), `unseen`, `local_costs` (of the searches that ended), `elsewhere` (points (d,) of the best cost that are far from the
+    best point and from each other).
     """
 
     def __init__(self, extra: dict[str, Any], relative: float = 1e-6, floor: float = 1e-20):
         self.extra, self.relative, self.floor = extra, relative, floor
-        self.extra.update(starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[])
+        self.extra.update(starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[])
         self._independent: list[float] = []
+        self._ends: list[tuple[float, np.ndarray]] = []
         self._cut: list[float] = []
         self._unknown = 0  # independent searches that were cut off
 
@@ -87,6 +90,7 @@ class Basins:
         if found.finished:
             self.extra["starts"] += 1
             self.extra["local_costs"].append(float(found.cost))
+            self._ends.append((float(found.cost), np.asarray(found.x, dtype=float)))
             if independent:
                 self._independent.append(float(found.cost))
         else:
@@ -102,10 +106,21 @@ class Basins:
         self.extra["cut_searches"] -= 1
         self._count()
 
+    def _same(self, best: float) -> float:
+        """Up to which cost another one is the same as this."""
+        return best + self.relative * abs(best) + self.floor if np.isfinite(best) else -np.inf
+
     def _at(self, best: float) -> int:
         """Independent searches that ended at this cost."""
-        same = best + self.relative * abs(best) + self.floor if np.isfinite(best) else -np.inf
-        return int(np.sum(np.asarray(self._independent) <= same))
+        return int(np.sum(np.asarray(self._independent) <= self._same(best)))
+
+    def _elsewhere(self) -> list[list[float]]:
+        """The points of the best cost that are far from the best of them."""
+        apart: list[np.ndarray] = []
+        for _, x in sorted((end for end in self._ends if end[0] <= self._same(self.best)), key=lambda end: end[0]):
+            if len(apart) <= ELSEWHERE and all(np.max(np.abs(x - other)) > FAR for other in apart):
+                apart.append(x)
+        return [x.tolist() for x in apart[1:]]
 
     def _count(self) -> None:
         ended = np.sort(self._independent)
@@ -113,3 +128,4 @@ class Basins:
         self.extra["basin_hits"] = self._at(self.best)
         self.extra["optima"] = int(np.sum(apart)) + (len(ended) > 0)
         self.extra["unseen"] = self.unseen
+        self.extra["elsewhere"] = self._elsewhere()

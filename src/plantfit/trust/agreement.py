@@ -9,7 +9,7 @@ from plantfit.errors import Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.study.basins import Basin, optima
-from plantfit.study.symmetry import Symmetry, same_by_symmetry
+from plantfit.study.symmetry import NEAR, Symmetry, same_by_symmetry
 from plantfit.trust.finish import CUT, LEFT, rounding
 
 SAME = 1e-6  # relative difference of costs that counts as the same
@@ -21,7 +21,8 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> dict[str, Any]:
     """The section "agreement" of the findings record.
 
     A run reaches the reported answer when its own search came to its end at the lowest cost, to a millionth or to rounding. Of
-    these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers the same.
+    these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers the same, also where all runs
+    report one of them and only their local searches met the others.
     """
     costs = np.array([r.cost for r in runs])
     best = float(np.min(costs))
@@ -31,6 +32,7 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> dict[str, Any]:
     names = problem.space.names
     x = np.array([runs[k].x for k in reached]).reshape(len(reached), len(names))
     groups, found, plain = distinct(problem, costs[reached], x, within)
+    found = _with_others(problem, found, x, [z for k in reached for z in runs[k].extra.get("elsewhere", ())])
     values = np.asarray(problem.space.physical(x[plain])) if len(plain) else np.zeros((0, len(names)))
     return {
         "runs": len(runs),
@@ -69,6 +71,17 @@ def distinct(problem: Problem, costs: np.ndarray, x: np.ndarray, within: float) 
         else:
             kept.append([group])
     return [_joined(own) for own in kept], list(maps.values()), [k for own in kept for k in own[0].members]
+
+
+def _with_others(problem: Problem, found: Sequence[Symmetry], x: np.ndarray, elsewhere: Sequence[Sequence[float]]) -> list[Symmetry]:
+    """The maps `found`, and those that take the answer to other points (d,) at which searches within a run found its cost."""
+    maps, looked = {s.sentence: s for s in found}, [*x[1:]]
+    for z in map(np.asarray, elsewhere):
+        if len(looked) < COMPARED and all(np.max(np.abs(z - other)) > NEAR for other in (*x[:1], *looked)):
+            looked.append(z)
+            if (symmetry := same_by_symmetry(problem, x[0], z)) is not None:
+                maps.setdefault(symmetry.sentence, symmetry)
+    return list(maps.values())
 
 
 def opened(rows: list[dict[str, Any]], ranges: Mapping[str, Sequence[float]]) -> list[dict[str, Any]]:

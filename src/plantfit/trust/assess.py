@@ -218,7 +218,7 @@ def _run(problem, r):
         "parameters": dict(zip(problem.space.names, values.tolist(), strict=True)),
         "searched": _named(problem, r.extra["searched"]) if "searched" in r.extra else {},
         "history": {"evaluations": np.asarray(r.history_evaluations).tolist(), "cost": _listed(r.history_cost)},
-        "extra": {k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k != "searched"},
+        "extra": {k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere")},
     }
 
 

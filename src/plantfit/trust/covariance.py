@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from plantfit.problem.long_run import prewhitened_long_run
 
 EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
+ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but for rounding
+TIED = 1e-6  # entry of a projector from which on two coordinates move together in a space
 BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's edge
 
 
@@ -35,9 +38,21 @@ def box_prior(hessian: np.ndarray) -> np.ndarray:
 
     Along a unit vector v the cube is 1 / max|v| long, and a uniform variable on that length has the variance
     1 / (12 max|v|^2). Twelve in every direction would let n parameters that move together hide a factor sqrt(n).
+
+    Equal eigenvalues (those of directions that nothing shows, above all) span a space in which rounding chooses the directions: there
+    max|v|^2 is the largest of any v in it, for each set of coordinates that the space ties together.
     """
-    vectors = np.linalg.eigh(hessian)[1]
-    return (vectors * BOX_PRECISION * np.max(np.abs(vectors), axis=0) ** 2) @ vectors.T
+    values, vectors = np.linalg.eigh(hessian)
+    precision = np.zeros_like(hessian)
+    for space in np.split(vectors, 1 + np.flatnonzero(np.diff(values) > ALIKE * max(values[-1], 0.0)), axis=1):
+        onto = space @ space.T
+        if space.shape[1] == 1:
+            precision += BOX_PRECISION * np.max(np.abs(space)) ** 2 * onto
+            continue
+        count, labels = connected_components(np.abs(onto) > TIED, directed=False)
+        largest = np.array([np.max(np.diag(onto)[labels == k]) for k in range(count)])
+        precision += BOX_PRECISION * np.where(labels[:, None] == labels, largest[labels], 0.0) * onto
+    return precision
 
 
 def _nonzero(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -71,6 +86,7 @@ def covariance(
     free: np.ndarray,
     smoothing: np.ndarray | None = None,
     robust: bool = True,
+    begins: np.ndarray | None = None,
 ) -> np.ndarray:
     """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
 
@@ -80,7 +96,8 @@ def covariance(
     keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
     adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
     section 2).
-    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance).
+    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance). `begins` (m, k) is what noise of
+    measured values that states begin at does to the residuals (`first_values`).
     Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
     """
@@ -99,10 +116,18 @@ def covariance(
         smooth = smoothing[np.ix_(active, active)] / variance
         prior = smooth + box_prior(hessian + smooth)
     bread = np.linalg.inv(hessian + prior)
-    spread = sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust)
+    spread = sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust) + begun(j, bread, variance, begins)
     inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
     result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
     return 0.5 * (result + result.T)
+
+
+def begun(j: np.ndarray, bread: np.ndarray, variance: float, begins: np.ndarray | None) -> np.ndarray:
+    """Covariance (d, d) that noise in measured initial values adds, from its effects on the residuals (m, k)."""
+    if begins is None or not begins.shape[1]:
+        return np.zeros_like(bread)
+    moved = bread @ (j.T @ begins) / variance
+    return moved @ moved.T
 
 
 def sandwich(

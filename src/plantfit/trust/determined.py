@@ -15,6 +15,7 @@ from plantfit.trust.ranges import Linear, Range
 ROUGH = 0.25  # standard error over the value from which on something is only roughly known
 TOGETHER = 4  # parameters of one combination at most
 SUBSETS = 3000  # that are tried at most
+WIDER = 1.2  # times that an interval is wider by measured initial values, from which on it is told
 HEAVY = 0.05  # weight, of the largest, from which on a parameter belongs to a combination
 POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
 LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
@@ -61,6 +62,7 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
         "of": d,
         "sound": linear.sound,
         "samples": linear.samples,
+        "begun": _begun(names, linear, status),
         "combinations": [
             {
                 "formula": c.text(names),
@@ -84,6 +86,15 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
             for i, (j, error) in needs.items()
         },
     }
+
+
+def _begun(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> dict[str, Any] | None:
+    """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
+    known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
+    widest = max(known, key=lambda i: linear.begun[i], default=None)
+    if widest is None or linear.begun[widest] < WIDER:
+        return None
+    return {"parameter": names[widest], "factor": float(linear.begun[widest])}
 
 
 def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:

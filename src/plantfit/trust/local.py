@@ -12,6 +12,7 @@ from plantfit.problem.triangle import triangle
 from plantfit.space import Space
 from plantfit.trust.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.directions import Direction, flat_directions
+from plantfit.trust.first_values import first_value_effects
 from plantfit.trust.ranges import Linear, linear_problem, plain_space
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
@@ -49,12 +50,12 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     lower, upper = _held(z, np.vstack([jacobian, bends[1]]), np.r_[residuals, bends[0]])
     free = ~((lower & _physical(space, 0)) | (upper & _physical(space, 1)))  # a bound of the search holds nothing
     values, slope = np.asarray(space.physical(z)), space.slopes(z)
-    linear = None
+    linear, begins = None, first_value_effects(problem, z, blocks)
     if plain_space(problem):
-        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust)
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, begins=begins)
         physical = linear.spread * linear.size[:, None] * linear.size[None, :]
     else:
-        cube = covariance(jacobian, residuals, blocks, free, smoothing, problem.robust)
+        cube = covariance(jacobian, residuals, blocks, free, smoothing, problem.robust, begins)
         physical = cube * slope[:, None] * slope[None, :]
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]

@@ -12,6 +12,7 @@ from plantfit.errors import SpaceError
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.trust.covariance import box_prior, covariance, normal_matrix
+from plantfit.trust.first_values import first_value_effects
 from plantfit.trust.local import EDGE, linearise, residual_blocks
 from plantfit.trust.ranges import linear_problem, plain_space
 from plantfit.trust.refit import refit
@@ -201,12 +202,12 @@ def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np
     smoothing = None if problem.smoothing is None else problem.smoothing.matrix[np.ix_(at, at)]
     if smoothing is not None:
         hessian = hessian + smoothing / variance
-    plain = np.linalg.inv(hessian + box_prior(hessian))
+    plain, begins = np.linalg.inv(hessian + box_prior(hessian)), first_value_effects(problem, z, blocks)
     if plain_space(problem):  # as `linearise` has it
-        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, at)
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, at, begins)
         scale = linear.size / problem.space.slopes(z)[at]
         return plain @ j.T / variance, linear.spread * scale[:, None] * scale[None, :]
-    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, problem.robust)
+    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, problem.robust, begins)
 
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:

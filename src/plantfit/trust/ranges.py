@@ -11,7 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
 from plantfit.problem.triangle import triangle
-from plantfit.trust.covariance import Block, rounding, sandwich
+from plantfit.trust.covariance import Block, begun, rounding, sandwich
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -29,6 +29,7 @@ class Linear:
     `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the covariance of x by
     the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the sum may grow by.
     `samples`: how many independent ones the residuals are worth; not `sound` where these are too few for intervals that hold.
+    `begun` (d,): how many times as large standard errors are because states begin at measured values, which have noise.
     """
 
     values: np.ndarray
@@ -43,6 +44,7 @@ class Linear:
     variance: float
     samples: float
     sound: bool
+    begun: np.ndarray
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -90,10 +92,11 @@ def linear_problem(
     blocks: list[Block],
     robust: bool,
     places: np.ndarray | None = None,
+    begins: np.ndarray | None = None,
 ) -> Linear:
     """The problem at the cube point z (d,), with residuals (m,) and their derivatives (m, d) there.
 
-    With `places` (q,) of these coordinates alone, the others held.
+    With `places` (q,) of these coordinates alone, the others held. `begins` (m, k) as in `covariance`.
     """
     space, at = problem.space, np.arange(len(z)) if places is None else np.asarray(places, dtype=int)
     coordinates = [space.coordinates[i] for i in at]
@@ -110,7 +113,8 @@ def linear_problem(
     rest = np.concatenate([small[:, -1], np.zeros(len(at))])
     _, singular, right = np.linalg.svd(rows, full_matrices=False)
     bread = (right.T / singular**2) @ right
-    spread = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
+    own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
+    spread = own + begun(j, bread, variance, begins)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or (memory <= SLOW and samples - len(at) >= FEW))
     quantile = float(student.ppf(0.5 + LEVEL / 2, max(1.0, samples - len(at))))
@@ -119,7 +123,7 @@ def linear_problem(
     least, most = ((ends - values) / size for ends in limits.T)
     return Linear(
         values, size, np.minimum(least, 0.0), np.maximum(most, 0.0), rows, rest, spread, quantile**2 * inflation, quantile, variance,
-        samples, sound,
+        samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)),
     )  # fmt: skip
 
 
