@@ -57,7 +57,7 @@ def test_check_shows_the_budget_without_a_fit(folder, capsys, monkeypatch):
 def test_run_export_import_and_report_keep_the_table(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "run", "heater.toml")
     assert said.code == 0, said.err
-    assert "With the stated errors the interval of K is 4.1 times as wide" in said.out
+    assert "With the stated errors the interval of K is 2.3 times as wide" in said.out
     assert "the gain of T (thermometer)" in said.out
     assert "times noise" in said.out
     assert "Uncertainty with stated errors" in (folder / "heater.html").read_text()

@@ -148,8 +148,8 @@ def test_unknown_primitive_is_named_or_falls_back():
 def test_arrays_too_large_for_the_stack_are_refused_when_traced():
     body = lambda c, i: (c.at[i].add(1.0), None)  # noqa: E731
     with pytest.raises(NativeUnsupported, match="bytes"):
-        native_scan(body, jnp.zeros(4000), jnp.arange(3))
-    np.testing.assert_allclose(native_scan(body, jnp.zeros(4000), jnp.arange(3), fallback=True)[0][:4], [1, 1, 1, 0])
+        native_scan(body, jnp.zeros(70_000), jnp.arange(3))
+    np.testing.assert_allclose(native_scan(body, jnp.zeros(70_000), jnp.arange(3), fallback=True)[0][:4], [1, 1, 1, 0])
 
 
 def test_other_dtypes_are_refused():
