@@ -25,11 +25,14 @@ from plantfit.problem.problem import Problem
 from plantfit.simulate.array_steppers import STEPPERS, Rates, Step, propagator
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steppers import ORDER
+from plantfit.simulate.tight import follow
 
 import jax
 import jax.numpy as jnp
 
 ROUNDS = 40  # refinements of one mesh, at most
+LOST, ROUGH = 0.3, 0.01  # errors of a step as shares of the state: behind it nothing is known, and too large for the estimate to hold
+NEGLIGIBLE = 1e-9  # error of a step as a share of the state, below which halving it changes nothing
 FAR = 10.0  # times the tolerance, above which only the worst steps are halved
 WORST = 8.0  # times less than the worst, down to which steps are among them
 FASTEST = 5  # halvings of an interval in one refinement, at most
@@ -114,10 +117,7 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
     trees = [problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name) for z in zs]
     p = {k: np.stack([np.asarray(t[k], dtype=float) for t in trees]) for k in trees[0]}
     values = tuple(p[n] for n in own.vector.parameters)
-    recording = problem.experiments[name].recording
-    scored = [drive.places(np.flatnonzero(np.isfinite(recording[o]))) for o in problem.outputs]
-    places = np.unique(np.concatenate(scored))
-    counts = np.stack([np.isin(places, s) / units[o] for s, o in zip(scored, problem.outputs, strict=True)], axis=1)
+    places, counts = _scored(problem, name, units)
     with np.errstate(all="ignore"):
         x0 = np.asarray(made.initial(p, drive.first_input, drive.first_output))
         rank, sample, u0, u1, length = _grid(made, p, drive)
@@ -138,6 +138,54 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
     q = 2.0 ** ORDER[own.stepper]
     factor = q / (q - 1.0)
     return [Effects(e[counts > 0] * factor, s[:-1] * factor, v[:-1]) for e, s, v in zip(error, share, relative, strict=True)]
+
+
+def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str, float]) -> Effects | None:
+    """As `effects` at one cube point z (d,), but every step begins at a state of the tight solution, not where the steps before had led.
+
+    Errors go on by the linearised steps. None for late inputs, and where the tight solver cannot follow: steps that are too long may lead
+    beside an unstable course, where no state says anything about the model's.
+    """
+    own, drive = problem.predictor.stepping(), problem.whole_drives[name]
+    if drive.delayed:
+        return None
+    single = Simulator(own.vector, own.stepper, 1, own.interpolated)
+    made = problem.once(("effects", own.stepper), lambda: _compile(single))
+    tree = problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name)
+    p = {k: np.asarray(v, dtype=float) for k, v in tree.items()}
+    tight = follow(single, p, drive)
+    if tight.stopped is not None or not np.all(np.isfinite(tight.states)):
+        return None
+    x, rows = tight.states.T, {k: v[None] for k, v in p.items()}
+    rank, _, u0, u1, length = (a[0] for a in _grid(made, rows, drive))
+    values = tuple(np.broadcast_to(p[n], (len(length), *p[n].shape)) for n in own.vector.parameters)
+    step, middle, half = STEPPERS[own.stepper], 0.5 * (u0 + u1), 0.5 * length
+    with np.errstate(all="ignore"):
+        begun = step(made.rates, x[:-1], u0, middle, half, values)
+        local = step(made.rates, x[:-1], u0, u1, length, values) - step(made.rates, begun, middle, u1, half, values)
+        jacobian = made.rates.linear(x[:-1], u0, np.zeros_like(u0), values)[1]
+        forwards = propagators(jacobian[None], length[None])
+        places, counts = _scored(problem, name, units)
+        alike = tuple(np.asarray(v)[:1] for v in values)
+        _, slopes = (np.asarray(a) for a in made.outputs(x[None, rank[places]], _channels(made, rows, drive)[:, places], alike))
+        slopes = np.where(counts[:, :, None] > 0, slopes[0] * counts[:, :, None], 0.0)
+        off = np.zeros_like(x)
+        for k in range(len(length)):
+            off[k + 1] = forwards[0, k] @ off[k] + local[k]
+        error = np.einsum("koi,ki->ko", slopes, off[rank[places]])
+        squares = np.zeros((1, len(length) + 1, x.shape[1], x.shape[1]))
+        np.add.at(squares[0], rank[places], np.einsum("koi,koj->kij", slopes, slopes))
+        share = _reach(local[None], forwards, squares)[0]
+    q = 2.0 ** ORDER[own.stepper]
+    return Effects(error[counts > 0] * q / (q - 1.0), share * q / (q - 1.0), _relative(local[None], x[None])[0])
+
+
+def _scored(problem: Problem, name: str, units: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Places (m,) of measured samples among the times of the drive, and one over the unit of each output (m, o), 0 where not measured."""
+    recording, drive = problem.experiments[name].recording, problem.whole_drives[name]
+    scored = [drive.places(np.flatnonzero(np.isfinite(recording[o]))) for o in problem.outputs]
+    places = np.unique(np.concatenate(scored))
+    return places, np.stack([np.isin(places, s) / units[o] for s, o in zip(scored, problem.outputs, strict=True)], axis=1)
 
 
 def _grid(made: _Compiled, p: Mapping[str, np.ndarray], drive: Drive) -> tuple[np.ndarray, ...]:
@@ -182,8 +230,8 @@ def _followed(step: Step, rates: Rates, x0: np.ndarray, inputs: tuple[np.ndarray
 
 
 def _relative(local: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Errors of steps (C, K) as shares of the largest states; 1 at the first that is not finite, 0 behind it."""
-    size = np.max(np.where(np.isfinite(states), np.abs(states), 0.0), axis=1, keepdims=True)
+    """Errors of steps (C, K) as shares of the largest states so far; 1 at the first that is not finite, 0 behind it."""
+    size = np.maximum.accumulate(np.where(np.isfinite(states), np.abs(states), 0.0), axis=1)[:, 1:]
     found = np.max(np.abs(local) / np.where(size > 0.0, size, 1.0), axis=2)
     lost = ~np.isfinite(found)
     behind = np.cumsum(lost, axis=1)
@@ -253,7 +301,9 @@ def _refined(problem: Problem, zs: np.ndarray, units: Mapping[str, float], toler
     """Times of a finer mesh by recording, None where this one is fine enough; and whether all recordings could be followed somewhere."""
     finer, changed, seen = {}, False, True
     for name, drive in problem.whole_drives.items():
-        levels = [v for v in (_levels(found, tolerance) for found in effects(problem, np.asarray(zs), name, units)) if v is not None]
+        along = effects_along(problem, zs[0], name, units) if len(zs) == 1 else None
+        every = effects(problem, np.asarray(zs), name, units) if along is None else [along]
+        levels = [v for v in (_levels(found, tolerance) for found in every) if v is not None]
         seen = seen and bool(levels)
         wanted = np.quantile(levels, part, axis=0, method="higher") if levels else np.ones(len(drive.t) - 1)
         wanted = np.minimum(np.asarray(wanted, dtype=int), FASTEST)
@@ -283,6 +333,8 @@ def _levels(found: Effects, tolerance: float) -> np.ndarray | None:
     if found.rms <= tolerance:
         return np.zeros(len(found.share), dtype=int)
     q = 2.0  # steppers of higher order get there in fewer rounds
+    if found.rms > FAR * tolerance and np.any(found.local > ROUGH):
+        return _followed_further(found.local)
     root = found.share ** (1.0 / (q + 1.0))
     if not np.sum(root) > 0.0:
         return np.ones(len(found.share), dtype=int)
@@ -292,6 +344,19 @@ def _levels(found: Effects, tolerance: float) -> np.ndarray | None:
         parts = np.minimum(parts, WORST * root / np.max(root))
     levels = np.maximum(np.round(np.log2(np.maximum(parts, 1e-3))).astype(int), 0)
     return levels if np.any(levels > 0) else (parts >= np.max(parts)).astype(int)
+
+
+def _followed_further(local: np.ndarray) -> np.ndarray:
+    """Halvings (N - 1,) where some steps are far off, from the errors of single steps (N - 1,).
+
+    Behind the first such step the states are not those of the model, and what is worst there is of no interest. It may be far off because
+    earlier errors have led beside an unstable course: the worst of those before it are halved as well.
+    """
+    places = np.arange(len(local))
+    cut = int(np.argmax(local > LOST)) if np.any(local > LOST) else len(local)
+    worst = np.max(local[:cut], initial=0.0)
+    rough = (places == cut) | ((places < cut) & (local > max(worst / WORST, NEGLIGIBLE)))
+    return np.where(rough, np.maximum(np.ceil(np.log2(np.maximum(local, ROUGH) / ROUGH) / 3.0), 1), 0).astype(int)
 
 
 __all__ = ["Effects", "can_mesh", "effects", "errors_at", "mesh_at"]

@@ -175,7 +175,9 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
 
 def least(problem: Problem) -> float:
     """A step error that is small enough whatever the residuals are (rms of scaled outputs)."""
-    return LEAST * float(np.sqrt(np.mean([np.var(y) / problem.scales[o] ** 2 for o in problem.outputs for y in _measured(problem, o)])))
+    return LEAST * float(
+        np.sqrt(np.mean([np.var(y) / problem.scales[o] ** 2 for o in problem.outputs for y in _measured(problem, o) if len(y)]))
+    )
 
 
 def _count(problem: Problem) -> int:
