@@ -12,11 +12,12 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.problem.triangle import compressed as compressed_blocks
+from plantfit.simulate.simulator import Drive
 
 import jax
 
 WIDTH = 8  # points evaluated together, as many as `plantfit.optimize` searches side by side
-SMALL = 50_000  # entries of a Jacobian up to which the points beside the one wanted cost little
+SMALL = 50_000  # entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
 
 
 @lru_cache(maxsize=16)
@@ -30,7 +31,9 @@ def shared(problem: Problem) -> bool:
     if problem.predictor.simulator is None or problem.separable is not None:
         return False
     samples = sum(len(places) for outputs in problem.data["index"].values() for places in outputs.values())
-    return samples * problem.space.dimension <= SMALL
+    # a mesh may have thousands of steps for a handful of samples
+    steps = sum(len(d.t) for d in problem.data["drive"].values() if isinstance(d, Drive)) if problem.mesh else 0
+    return max(samples, steps) * problem.space.dimension <= SMALL
 
 
 def residuals_and_jacobian(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
