@@ -8,9 +8,10 @@ Late states come from the dense outputs before (method of steps). A record that 
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853, Radau, odeint
@@ -98,7 +99,7 @@ def follow(
     n, count = len(vector.states), len(drive.t)
     grid, u0, u1, sample = _inputs(simulator, p, drive)
     x = np.array([float(v) for v in simulator.initial(p, drive.first_input, drive.first_output)])
-    ours = np.asarray(jax.jit(simulator.states)(p, drive)) if n else np.zeros((0, count))
+    ours = np.asarray(_compiled(simulator).states(p, drive)) if n else np.zeros((0, count))
     size = np.max(np.abs(np.where(np.isfinite(ours), ours, 0.0)), axis=1, initial=1e-9) if n else np.zeros(0)
     run = _Run(vector, rtol, atol * size, size, evaluations)
     reached = np.abs(x)
@@ -141,7 +142,7 @@ def follow(
     for i, (state, delay) in enumerate(lags):
         late[i] = [_past(run, first, state, s - delay) if s <= grid[k] else np.nan for s in drive.t]
     channels = simulator.channels(p, drive, tuple(late))
-    y = jax.jit(jax.vmap(vector.output, in_axes=(0, 0, None)))(tuple(states), channels, values)
+    y = _compiled(simulator).output(tuple(states), channels, values)
     y = [np.broadcast_to(np.asarray(v, dtype=float), (count,)) for v in y]
     places = np.arange(count) if drive.samples is None else np.asarray(drive.samples)
     told = "scipy LSODA" if smooth else "scipy DOP853 with late states" if lags else "scipy DOP853 with located events"
@@ -157,7 +158,7 @@ def follow(
 
 def _inputs(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Grid (K + 1,) s, channels at both ends of every step (m, K), and the place on the grid of every time of the drive (N,)."""
-    steps, (u0, u1, length) = jax.tree.map(np.asarray, jax.jit(simulator.steps)(p, drive))
+    steps, (u0, u1, length) = jax.tree.map(np.asarray, _compiled(simulator).steps(p, drive))
     grid = np.append(steps.start, steps.start[-1] + length[-1]) if len(length) else np.asarray(drive.t)
     a, b = (np.stack([np.broadcast_to(c, length.shape) for c in u]) for u in (u0, u1))
     delays = simulator.vector.model.state_delays
@@ -186,13 +187,37 @@ def _goes_on(u0: np.ndarray, u1: np.ndarray, grid: np.ndarray, first: int, k: in
     return bool(np.all(np.abs(u0[:-1, k] - there) <= size) and np.all(np.abs(u1[:-1, k] - after) <= size))
 
 
+class _Compiled(NamedTuple):
+    """What is compiled once for all recordings of a simulator."""
+
+    steps: Callable
+    states: Callable
+    output: Callable
+
+
+@lru_cache(maxsize=32)
+def _compiled(simulator: Simulator) -> _Compiled:
+    output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
+    return _Compiled(jax.jit(simulator.steps), jax.jit(simulator.states), jax.jit(output))
+
+
+@lru_cache(maxsize=32)
+def _rates(vector: Any) -> tuple[Callable, Callable]:
+    """The rate of a model as a function of the parameters and of (x, u), and its derivatives by these."""
+    n = len(vector.states)
+
+    def rate(values, q):
+        return jnp.stack(vector.rate(tuple(q[:n]), tuple(q[n:]), values))
+
+    return jax.jit(rate), jax.jit(jax.jacfwd(rate, argnums=1))
+
+
 class _Smooth:
     """The rate of a model as a function of one vector (x, u): one quick call."""
 
     def __init__(self, vector: Any, values: tuple[Any, ...]):
-        n = len(vector.states)
-        self.call = jax.jit(lambda q: jnp.stack(vector.rate(tuple(q[:n]), tuple(q[n:]), values)))
-        self.slopes = jax.jit(jax.jacfwd(lambda q: jnp.stack(vector.rate(tuple(q[:n]), tuple(q[n:]), values))))
+        call, slopes = _rates(vector)
+        self.call, self.slopes = partial(call, values), partial(slopes, values)
 
 
 def _line(span: tuple[float, float, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
