@@ -1,5 +1,6 @@
 """How exact the simulation is at a point of the box: every recording against a tight solver."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
 from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
+from plantfit.problem.steps import step_errors
 from plantfit.simulate.simulator import Drive
 from plantfit.simulate.tight import EVALUATIONS, Stopped, Tight, follow
 from plantfit.simulate.verify import check_steps
@@ -112,18 +114,34 @@ def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int) -> Ti
     return kept[key]
 
 
-def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATIONS) -> CheckedCost:
+def least_exact(problem: Problem, z: np.ndarray) -> list[str]:
+    """The moving recordings at a cube point (d,), that with the largest step error by halving the steps first."""
+    moving = [n for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
+    if len(moving) < 2:
+        return moving
+    error, start, found = step_errors(problem, z), 0, {}
+    for name in problem.data["drive"]:
+        count = sum(len(problem.data["index"][name][o]) for o in problem.outputs)
+        found[name] = float(np.mean(error[start : start + count] ** 2)) if count else 0.0
+        start += count
+    return sorted(moving, key=lambda n: -found[n] if np.isfinite(found[n]) else -np.inf)
+
+
+def checked_cost(
+    problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATIONS, recordings: Collection[str] | None = None
+) -> CheckedCost:
     """The cost at a cube point (d,) by an independent solver; static and steady records have no steps and count as they are.
 
-    `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs.
+    `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs, and so are all but
+    `recordings` where these are given.
     Of residuals that are nearly zero, 1 % of a cost is less than the solver's own tolerance; see `CheckedCost.off` for the number.
     """
     reported = np.asarray(residuals(problem, z))
     tight, begin, stopped, spent = reported.copy(), 0, {}, 0
     for name, drive in problem.data["drive"].items():
         moving = isinstance(drive, Drive) and problem.predictor.has_steps
-        found = None
-        if moving:
+        found, chosen = None, recordings is None or name in recordings
+        if moving and chosen:
             found = followed(problem, z, name, evaluations)
             spent += found.evaluations
             if found.stopped is not None and not found.stopped.spent:
@@ -133,6 +151,8 @@ def checked_cost(problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATI
             index, measured = problem.data["index"][name][output], problem.data["measured"][name][output]
             if found is not None:
                 tight[begin : begin + len(index)] = np.sqrt(weight) * (found.outputs[output][index] - measured) / problem.scales[output]
+            elif not chosen:
+                tight[begin : begin + len(index)] = np.nan
             begin += len(index)
     floor = NOTHING**2 * float(np.mean(_spreads(problem) ** 2))
     known = np.isfinite(tight)

@@ -8,8 +8,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
-from plantfit.problem.steps import step_errors
-from plantfit.problem.verification import followed
+from plantfit.problem.verification import followed, least_exact
 from plantfit.simulate.simulator import Drive
 from plantfit.simulate.verify import by_doubling, check_steps
 from plantfit.study.basins import basins
@@ -247,7 +246,7 @@ def _simulation(problem, z, values, verify):
     if not problem.predictor.has_steps or not moving:
         return {"stepper": "none (static model)", "substeps": 0, "outputs": {}}
     simulator = problem.predictor.stepping()
-    name = _least_exact(problem, z, moving)
+    name = least_exact(problem, z)[0]
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
     drive = problem.data["drive"][name]
     error = check_steps(simulator, p, drive, tight=followed(problem, z, name, CHECKED)) if verify else by_doubling(simulator, p, drive)
@@ -273,15 +272,3 @@ def _simulation(problem, z, values, verify):
         "outputs": rows,
         **({} if error.stopped is None else {"refused": error.stopped.sentence}),
     }
-
-
-def _least_exact(problem: Problem, z: np.ndarray, moving: Sequence[str]) -> str:
-    """The moving recording whose step error is largest, by halving the steps."""
-    if len(moving) == 1:
-        return moving[0]
-    error, start, found = step_errors(problem, z), 0, {}
-    for name in problem.data["drive"]:
-        count = sum(len(problem.data["index"][name][o]) for o in problem.outputs)
-        found[name] = float(np.mean(error[start : start + count] ** 2)) if count else 0.0
-        start += count
-    return max(moving, key=found.__getitem__)

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.problem.steps import EXACT, finer_at, refined_at
-from plantfit.problem.verification import checked_cost
+from plantfit.problem.verification import checked_cost, least_exact
 from plantfit.simulate.simulator import Drive
 from plantfit.study.basins import basins
 from plantfit.trust.descent import STEPS, Descent, descent, polished
@@ -26,6 +27,7 @@ ROUNDED = 1e-12  # residuals that are rounding, as a share of the outputs
 BETTER = 1e-6  # relative decrease of the cost that makes another answer the better one
 
 CHECKED = 150_000  # evaluations of the tight solver at an answer, all recordings together: some 4 s
+MOST_CHECKED = 4  # recordings, those with the largest step errors
 FINER = 6  # times that steps are made finer at one answer because the tight solver asks for it, at most
 
 SEARCHED, SHARED, CUT, LEFT = "searched", "same point", "cut", "left"  # how a run came to the final problem
@@ -108,13 +110,16 @@ def _following(order: Sequence[int], twins: Mapping[int, int], refused: Mapping[
 def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, str | None]:
     """The problem with steps as fine as an independent solver asks for, and the search gone on there; what is to be said; why refused.
 
-    The cost of the tight solution has to be that which is reported to 1 % (`CheckedCost.confirmed`). Steps that the user chose stay.
+    The cost of the tight solution has to be that which is reported to 1 % (`CheckedCost.confirmed`), over the recordings whose steps are
+    least exact. Steps that the user chose stay.
     """
     if not problem.predictor.has_steps or not any(isinstance(d, Drive) for d in problem.data["drive"].values()):
         return problem, own, "", None
-    evaluations, first, share = CHECKED // max(len(problem.data["drive"]), 1), None, EXACT
+    first, share = None, EXACT
+    worst = least_exact(problem, own.z)[:MOST_CHECKED]
+    check = partial(checked_cost, evaluations=CHECKED // len(worst), recordings=worst)
     for _ in range(FINER):
-        told = checked_cost(problem, own.z, evaluations=evaluations)
+        told = check(problem, own.z)
         if told.stopped:
             return problem, own, "", told.refused
         if told.confirmed or not np.isfinite(told.cost_checked):
@@ -126,7 +131,7 @@ def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, s
         share /= 3.0
         problem, own = _weighed(finer, descent(finer, own.z))
     else:
-        told = checked_cost(problem, own.z, evaluations=evaluations)
+        told = check(problem, own.z)
         if told.stopped:
             return problem, own, "", told.refused
     if first is None:
