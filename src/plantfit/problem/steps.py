@@ -23,7 +23,7 @@ COARSE = 0.003  # step error before the fit, as a share of the spread of the mea
 SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
 FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
-SPARSE = 150  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
+SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
@@ -40,7 +40,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
 
     At the points of a fixed Sobol sequence the median of rms(step error) / std(output) has to fall
     under 0.3 %; points that cannot be simulated are left out. Where a mesh can be made and 4 equal steps are not enough, it is a mesh with
-    less than 0.1 % at 90 % of the points. Up to 150 samples, 90 % of the points have to be under 0.3 % with equal steps, too.
+    less than 0.1 % at 90 % of the points. Up to 100 samples, 90 % of the points have to be under 0.3 % with equal steps, too.
 
     Where a late input is held, the error of the slope by its dead time has to fall under 1 % too, or the steps are a quarter: steps are
     cut at the jumps, and the slope is uneven where these cross samples. It is looked at where bounds of the dead time put a jump on a
