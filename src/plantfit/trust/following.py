@@ -76,10 +76,10 @@ class Followed:
 
         A parameter that means nothing at the answer may mean much in the middle of its range, where others then have other values.
         """
-        ends = [self._cube(i, value, edge) for value, edge in ((found.low, 0.0), (found.high, 1.0))]
+        first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
         known = [self.z, *found.points]
         self.left = max(self.left, BETWEEN * STEPS)
-        for at in np.linspace(*ends, BETWEEN + 2)[1:-1]:
+        for at in np.linspace(first, last, BETWEEN + 2)[1:-1]:
             nearest = min(known, key=lambda z: abs(float(z[i]) - float(at)))
             place = self._grown(i, float(at), nearest)
             if place is not None and place.share <= 1.0:
