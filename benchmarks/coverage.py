@@ -25,13 +25,17 @@ AROUND = 0.5  # standard deviation of the logarithm by which starts are moved of
 
 @dataclass(frozen=True)
 class Rig:
-    """`make()` gives a problem; `determined` are the parameters that theory determines; `noise` has a correlation of `memory`."""
+    """`make()` gives a problem; `determined` are the parameters that theory determines; `noise` has a correlation of `memory`.
+
+    `terms` are groups of parameters that may change places: they are named by the order of their last parameter, as in the truth.
+    """
 
     make: Callable
     truth: Mapping[str, float]
     determined: tuple[str, ...]
     noise: float
     memory: float = 0.0
+    terms: tuple[tuple[str, ...], ...] = ()
 
 
 def _problem(model, t, signals, parameters):
@@ -93,10 +97,18 @@ RIGS = {
     "product": Rig(_static("y = a*b*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "sum": Rig(_static("y = (a + b)*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "two exponentials": Rig(
-        _static("y = a*exp(-k*x) + b*exp(-m*x)", ["a", "k", "b", "m"]), {"a": 2.0, "k": 0.3, "b": 3.0, "m": 3.0}, ("a", "k", "b", "m"), 0.01
+        _static("y = a*exp(-k*x) + b*exp(-m*x)", ["a", "k", "b", "m"]),
+        {"a": 2.0, "k": 0.3, "b": 3.0, "m": 3.0},
+        ("a", "k", "b", "m"),
+        0.01,
+        terms=(("a", "k"), ("b", "m")),
     ),
     "near exponentials": Rig(
-        _static("y = a*exp(-k*x) + b*exp(-m*x)", ["a", "k", "b", "m"]), {"a": 2.0, "k": 0.7, "b": 3.0, "m": 1.0}, (), 0.05
+        _static("y = a*exp(-k*x) + b*exp(-m*x)", ["a", "k", "b", "m"]),
+        {"a": 2.0, "k": 0.7, "b": 3.0, "m": 1.0},
+        (),
+        0.05,
+        terms=(("a", "k"), ("b", "m")),
     ),
     "on a bound": Rig(_bounded, {"a": 2.0, "b": 0.0}, ("a",), 0.05),
     "one step": Rig(_first_order("step"), PROCESS, ("tau",), 0.02),
@@ -138,8 +150,14 @@ def fits(name: str, seeds: Sequence[int]) -> list[dict]:
         local = linearise(problem, best.z)
         assert local.linear is not None
         rows = parameter_rows(problem.space, local, (), followed_ranges(problem, best.z, local.linear, 0.0))
-        result.append({r["name"]: [r["status"], r["low"], r["high"], r["value"]] for r in rows})
+        result.append(_in_order(rig, {r["name"]: [r["status"], r["low"], r["high"], r["value"]] for r in rows}))
     return result
+
+
+def _in_order(rig: Rig, found: dict) -> dict:
+    """Rows with equal terms in the order of the truth."""
+    truly, told = (sorted(rig.terms, key=lambda term: of(term[-1])) for of in (rig.truth.__getitem__, lambda n: found[n][3]))
+    return found | {a: found[b] for own, other in zip(truly, told, strict=True) for a, b in zip(own, other, strict=True)}
 
 
 def bound(name: str) -> dict[str, float]:

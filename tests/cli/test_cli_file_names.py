@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from cli_call import call, heater
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from plantfit.cli.file_names import file_name, report_places
@@ -37,6 +37,8 @@ def test_hostile_names_stay_in_the_folder(name, tmp_path, monkeypatch):
     write_page(place, "again")
 
 
+@example("~")
+@example("~/.ssh")
 @given(st.text(min_size=1))
 def test_any_name_is_one_plain_file(name):
     file = file_name(name, "html")

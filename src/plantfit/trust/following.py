@@ -1,6 +1,6 @@
 """Ends of ranges followed on the problem itself: one parameter is moved, all others are fitted anew, and the cost is compared."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which i
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
 WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
+BETWEEN = 6  # places between the ends of a wide range that are looked at
+FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 
 
@@ -63,6 +65,43 @@ class Followed:
         self.met = []
         ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
         return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
+
+    def narrow(self, i: int, found: Range) -> bool:
+        """Whether a range is short beside the value."""
+        value = float(self.linear.values[i])
+        return max(found.high - value, value - found.low) <= WIDE * float(self.linear.size[i])
+
+    def look_between(self, i: int, found: Range) -> None:
+        """Refits at places between the ends of a wide range of coordinate i, and what they met.
+
+        A parameter that means nothing at the answer may mean much in the middle of its range, where others then have other values.
+        """
+        first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
+        known = [self.z, *found.points]
+        self.left = max(self.left, BETWEEN * STEPS)
+        for at in np.linspace(first, last, BETWEEN + 2)[1:-1]:
+            nearest = min(known, key=lambda z: abs(float(z[i]) - float(at)))
+            place = self._grown(i, float(at), nearest)
+            if place is not None and place.share <= 1.0:
+                known.append(place.point)
+                found.points.append(place.point)
+
+    def go_on(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
+        """Follow coordinate i further, twice as far each time, from points that cost as little as the answer, and keep what is met."""
+        self.left = max(self.left, 2 * len(starts) * STEPS)
+        for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
+            for start in starts:
+                at = self._cube(i, found.low if sign < 0 else found.high, edge)
+                for _ in range(PROBES):
+                    at = float(np.clip(self.z[i] + 2.0 * (at - self.z[i]), 0.0, 1.0))
+                    place = None if at == self.z[i] or self.left <= 0 else self._grown(i, at, start)
+                    if place is None or place.share > 1.0:
+                        break
+                    found.points.append(place.point)
+                    start, value = place.point, self._value(i, at)
+                    found.low, found.high = min(found.low, value), max(found.high, value)
+                    if at in (0.0, 1.0):
+                        break
 
     def _end(self, i: int, sign: float) -> float:
         """Where the range of coordinate i ends to one side, in its unit."""
@@ -244,4 +283,18 @@ def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: floa
     d = len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
-    return {i: walk.range(i) for i in range(d)}
+    found = {i: walk.range(i) for i in range(d)}
+    open_ones = [i for i in found if not walk.narrow(i, found[i])]
+    if len(open_ones) < d:  # else there is nothing that might be called determined
+        for i in open_ones:
+            walk.look_between(i, found[i])
+        starts = [z for i in open_ones for z in found[i].points]
+        starts = [starts[k] for k in np.unique(np.linspace(0, len(starts) - 1, FRESH).astype(int))] if starts else []
+        for i in set(found) - set(open_ones):
+            walk.go_on(i, found[i], starts)
+    met = [z for r in found.values() for z in r.points]
+    if met:  # what was met on the way to another end costs as little: a valley may bend where the others are followed
+        values = np.asarray(problem.space.physical(np.array(met)))
+        for i, own in found.items():
+            own.low, own.high = min(own.low, float(values[:, i].min())), max(own.high, float(values[:, i].max()))
+    return found

@@ -124,8 +124,8 @@ def _judged(c: Coordinate, value: float, found: Range, sound: bool) -> str:
     """
     if not (np.isfinite(found.low) and np.isfinite(found.high)) or (found.low, found.high) == c.limits:
         return "flat"
-    half = 0.5 * (found.high - found.low)
-    return "determined" if sound and half <= 1.96 * ROUGH * max(abs(value), c.typical) else "weak"
+    farther = max(found.high - value, value - found.low)
+    return "determined" if sound and farther <= 1.96 * ROUGH * max(abs(value), c.typical) else "weak"
 
 
 def _unseen(c: Coordinate, local: Local, i: int) -> Row:
