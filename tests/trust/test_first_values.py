@@ -123,4 +123,4 @@ def test_the_sentence_stands_where_it_matters():
         assert bool(told) == said
         if said:
             assert "interval of tau" in told[0]
-            assert findings["determined"]["begun"]["factor"] > 1.5
+            assert findings["determined"]["first_values"]["factor"] > 1.5

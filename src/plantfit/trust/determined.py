@@ -62,7 +62,7 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
         "of": d,
         "sound": linear.sound,
         "samples": linear.samples,
-        "begun": _begun(names, linear, status),
+        "first_values": _by_first_values(names, linear, status),
         "combinations": [
             {
                 "formula": c.text(names),
@@ -88,7 +88,7 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
     }
 
 
-def _begun(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> dict[str, Any] | None:
+def _by_first_values(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> dict[str, Any] | None:
     """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
     known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
     widest = max(known, key=lambda i: linear.begun[i], default=None)

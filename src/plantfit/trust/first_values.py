@@ -9,14 +9,17 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Signal
+from plantfit.simulate.simulator import Drive
 from plantfit.trust.covariance import Block
+
+LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
 def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
     """How one standard deviation of the noise of every such value changes the residuals at the cube point z (d,): columns (m, k).
 
     The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where states do not begin
-    at measured values. The estimates then move by -(J'J)^-1 J' times a column, for which no residual shows a sign: the simulation begins
+    at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
     where the measurement says.
     """
     here = residuals(problem, z)
@@ -37,16 +40,15 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
 
 
 def _used(problem: Problem, z: np.ndarray) -> list[str]:
-    """Outputs whose first measured value enters the states at the start."""
+    """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
     if not problem.predictor.has_steps:
         return []
     simulator, values = problem.predictor.stepping(), problem.space.physical(np.asarray(z, dtype=float))
     found = []
     for place, output in enumerate(simulator.vector.outputs):
-        for name, drive in problem.data["drive"].items():
-            first = getattr(drive, "first_output", None)
-            if first is None or not np.isfinite(first[place]):
-                continue
+        measured = [(n, d) for n, d in problem.data["drive"].items() if isinstance(d, Drive) and np.isfinite(d.first_output[place])]
+        for name, drive in measured[:LOOKED_AT]:
+            first = drive.first_output
             p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
             other = tuple(v + (1e-3 * abs(v) + 1e-6) * (k == place) for k, v in enumerate(first))
             begin, moved = (simulator.initial(p, drive.first_input, seen) for seen in (first, other))

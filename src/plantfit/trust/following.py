@@ -59,6 +59,7 @@ class Followed:
         self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
         self.lower, self.upper, self.slopes = space.lower, space.upper, space.slopes(self.z)
         self.met: list[np.ndarray] = []
+        self.growths: dict[bytes, float] = {}  # of the sum of squares over the variance, at every point that a refit ended at
 
     def range(self, i: int) -> Range:
         """The range of coordinate i."""
@@ -234,6 +235,7 @@ class Followed:
                 break
         point[places] = block.x
         share = (block.cost - self.least) / top
+        self.growths[point.tobytes()] = float(share) * float(self.linear.threshold[i])
         return Place(at, float(share), point, block.residuals, whole["kept"], settled, self._leans(places, block, top))
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -292,9 +294,17 @@ def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: floa
         starts = [starts[k] for k in np.unique(np.linspace(0, len(starts) - 1, FRESH).astype(int))] if starts else []
         for i in set(found) - set(open_ones):
             walk.go_on(i, found[i], starts)
-    met = [z for r in found.values() for z in r.points]
-    if met:  # what was met on the way to another end costs as little: a valley may bend where the others are followed
-        values = np.asarray(problem.space.physical(np.array(met)))
-        for i, own in found.items():
-            own.low, own.high = min(own.low, float(values[:, i].min())), max(own.high, float(values[:, i].max()))
+    _joined(problem, walk, found)
     return found
+
+
+def _joined(problem: Problem, walk: Followed, found: Mapping[int, Range]) -> None:
+    """Widen every range by the points that were met on the way to other ends and cost as little: a valley may bend there."""
+    met = [z for r in found.values() for z in r.points]
+    if not met:
+        return
+    values = np.asarray(problem.space.physical(np.array(met)))
+    growths = np.array([walk.growths[z.tobytes()] for z in met])
+    for i, own in found.items():
+        near = values[growths <= walk.linear.threshold[i], i]
+        own.low, own.high = float(np.min(near, initial=own.low)), float(np.max(near, initial=own.high))

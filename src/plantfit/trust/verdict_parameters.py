@@ -17,7 +17,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from _determined(single, free)
     yield from _unsound(findings.get("determined"))
     yield from _together(findings.get("determined"))
-    yield from _begun(findings.get("determined"))
+    yield from _first_values(findings.get("determined"))
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
     needs = (findings.get("determined") or {}).get("only_if", {})
@@ -65,13 +65,13 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     yield say("info", text, combinations=len(own), fixed=found["count"])
 
 
-def _begun(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
+def _first_values(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     """That noise in the first measured values reaches the parameters."""
-    if found and (own := found.get("begun")):
+    if found and (own := found.get("first_values")):
         text = (
             f"The states begin at the first measured values, whose noise makes the interval of {own['parameter']} "
-            f'{number(own["factor"])} times as wide. Estimate the initial values instead: initial = "free" in library models, '
-            "a parameter as the state's initial value in equations."
+            f"{number(own['factor'])} times as wide. Estimate the initial values instead: a parameter as the state's initial value in "
+            'equations, initial = "free" in library models that have it.'
         )
         yield say("info", text, factor=own["factor"])
 
