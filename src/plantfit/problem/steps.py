@@ -198,7 +198,8 @@ def _step_error(problem: Problem, z: np.ndarray) -> float:
         for output in problem.outputs
         if len(y := problem.data["measured"][name][output])
     ]
-    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
+    with np.errstate(over="ignore"):  # outputs that never move have no spread
+        return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
 
 
 def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
