@@ -1,7 +1,23 @@
 """The study file: TOML to recordings, model, space, problem and plan."""
 
-from plantfit.spec.recordings import CLEANING, read_recording, recording_file
-from plantfit.spec.study import Study, load, model_of, parse
-from plantfit.spec.tables import SpecTable, validated
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.spec.reading import load, parse
+    from plantfit.spec.recordings import CLEANING, read_recording, recording_file
+    from plantfit.spec.study import Study, model_of
+    from plantfit.spec.tables import SpecTable, validated
 
 __all__ = ["CLEANING", "SpecTable", "Study", "load", "model_of", "parse", "read_recording", "recording_file", "validated"]
+
+names_of(
+    __name__,
+    {
+        "reading": "load parse",
+        "recordings": "CLEANING read_recording recording_file",
+        "study": "Study model_of",
+        "tables": "SpecTable validated",
+    },
+)
