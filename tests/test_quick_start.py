@@ -166,15 +166,14 @@ def _runtime_comes_first(name: str, seen: set[str]) -> bool:
     return False
 
 
-_UNITS = (
-    "from plantfit import units\nprint('LOADED', 0, units.factor('V s/rad', 'mV s/rad'), units.factor('Nm', 'N*mm'), units.known('PWM'))"
-)
+_UNITS = "from plantfit import units as u\nprint('LOADED', 0, u.factor('V s', 'mV s'), u.factor('Nm', 'N*mm'), u.known('PWM'))"
 
 
 def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("PLANTFIT_CACHE", str(tmp_path / "cache"))
     empty, _, told = _loaded(_UNITS)
-    assert empty == {"1000.0", "1000.0000000000001", "True"} or empty == {"1000.0", "True"}, told
+    assert "True" in empty, told
+    assert [float(word) for word in empty - {"True"}] == pytest.approx([1000.0] * (len(empty) - 1))
     kept = sorted(file for file in (tmp_path / "cache").glob("pint-*/*") if file.is_file())
     assert kept
     assert _loaded(_UNITS)[0] == empty
