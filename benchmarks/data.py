@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from plantfit.runtime import cache_folder
+from plantfit.folders import cache_folder
 
 VERSION = 1  # part of the file names; raise it when anything below changes
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.data import Steam
 from benchmarks.steam.compiler import compiler
-from plantfit.runtime import cache_folder
+from plantfit.folders import cache_folder
 
 try:
     import casadi as ca

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.runtime import cache_folder
+from plantfit.folders import cache_folder
 
 FLAGS = ("-O3", "-march=native", "-std=gnu11", "-fPIC", "-shared", "-Wno-psabi")
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.data import Steam
 from benchmarks.steam.plant import plant
-from plantfit.runtime import cache_folder
+from plantfit.folders import cache_folder
 
 
 def reference(steam: Steam, theta: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plantfit.errors import UnitError
+from plantfit.folders import code_folder
 
 if TYPE_CHECKING:
     import pint
@@ -62,7 +63,11 @@ def registry() -> "pint.UnitRegistry":
     """The one registry; combine units of different origin only through it."""
     import pint
 
-    built: pint.UnitRegistry = pint.UnitRegistry()
+    folder = code_folder(f"pint-{pint.__version__}")
+    try:  # pint's own cache of its parsed definitions: pickles, so only where nobody else can write
+        built: pint.UnitRegistry = pint.UnitRegistry(cache_folder=folder)
+    except Exception:  # a damaged file raises many kinds
+        built = pint.UnitRegistry()
     for definition in _DEFINITIONS:
         built.define(definition)
     return built

@@ -1,23 +1,26 @@
 """`plantfit check`: what was understood, and one simulation."""
 
 import dataclasses
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.assignments import numbers_by_name
 from plantfit.cli.out import out, print_json
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False) -> None:
     """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
     from plantfit import spec as specs
+
+    study = specs.load(spec)  # first, since the rooms below load jax
     from plantfit.problem.steps import choose_substeps, steps_for
     from plantfit.problem.verification import point
 
-    study = specs.load(spec)
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
     problem = steps_for(problem, z)
@@ -66,15 +69,15 @@ def _understood(study: Any, problem: Any) -> dict[str, Any]:
     }
 
 
-def _simulated(problem: Any, z: np.ndarray) -> dict[str, Any]:
+def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:
     """One simulation at a cube point (d,), as a plain record."""
     cost = float(problem.costs(z[None, :])[0])
     started = time.perf_counter()
-    np.asarray(problem.costs(z[None, :]))
+    problem.costs(z[None, :]).tolist()  # waits for the values
     simulator = problem.predictor.simulator
     return {
         "substeps": problem.steps_a_sample if simulator else 0,
-        "rmse_at_middle": cost**0.5 if np.isfinite(cost) else None,
+        "rmse_at_middle": cost**0.5 if math.isfinite(cost) else None,
         "seconds_per_evaluation": time.perf_counter() - started,
     }
 

@@ -59,7 +59,7 @@ def _written(text: str) -> Path | None:
 
 
 def _cache_logs() -> Path:
-    from plantfit.runtime import cache_folder
+    from plantfit.folders import cache_folder
 
     folder = cache_folder().absolute() / "logs"
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)

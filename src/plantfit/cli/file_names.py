@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from plantfit.errors import SearchError
-from plantfit.report.html import check_place
 
 LONGEST = 120  # bytes; file systems allow 255 with ending and temporary name
 _WINDOWS = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(10))}
@@ -36,6 +35,8 @@ def report_places(names: Iterable[str], place: str | None) -> list[Path]:
         same = folded.count(str(file).casefold())
         if same > 1:
             raise SearchError(f"{same} of the studies, {name!r} among them, would write the report {file}; rename or run one alone.")
+    from plantfit.report.html import check_place  # jinja2, after the study files were understood
+
     for file in places:
         check_place(file)
     return places

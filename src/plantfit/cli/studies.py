@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from plantfit.cli.file_names import file_name, report_places
 from plantfit.cli.out import out, print_json, verdict, warn
 from plantfit.cli.working import ready, search, worker_count
@@ -18,10 +16,11 @@ from plantfit.study.addresses import shown
 def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
     """Run study files from their beginning."""
     from plantfit import spec as specs
-    from plantfit.study import Store
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
     read = [specs.load(path) for path in paths]
+    from plantfit.study import Store  # sqlalchemy, after the study files were understood
+
     places = report_places([study.name for study in read], place)
     _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler)
 
@@ -97,7 +96,7 @@ def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, worker
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.seconds, "search": searched}
-        said.append(_deliver(_answer(one.study, opened, number, store, seconds), place, one.study.name, json, len(chosen) > 1))
+        said.append(_deliver(_answer(one.study, opened, number, store, seconds, one.problem), place, one.study.name, json, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
 
@@ -108,11 +107,14 @@ def _saved(records, store: str) -> str:
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
-def _answer(study, opened, number: int, store: str, seconds):
+def _answer(study, opened, number: int, store: str, seconds, problem=None):
+    """The answer of a stored study; `problem` is that of the study where it is prepared already."""
+    import numpy as np
+
     from plantfit.fitting import Answer, finish, prepare
     from plantfit.optimize.contract import RunResult
 
-    problem = prepare(study.problem)
+    problem = problem or prepare(study.problem)
     results = [
         RunResult(
             r.method,

@@ -1,8 +1,7 @@
 """Parameter values that a command works at: given on the command line, else those of a stored study."""
 
+import math
 from collections.abc import Sequence
-
-import numpy as np
 
 from plantfit.cli.assignments import numbers_by_name
 from plantfit.errors import SpaceError, StoreError
@@ -31,7 +30,7 @@ def _stored(name: str, number: int | None, store: str) -> dict[str, float]:
             f"{shown(store)} holds no study {number if number is not None else repr(name)}; "
             "run it first, or give every parameter with --set NAME=VALUE."
         )
-    runs = [r for r in opened.runs(own[-1].id) if np.isfinite(r.cost)]
+    runs = [r for r in opened.runs(own[-1].id) if math.isfinite(r.cost)]
     if not runs:
         raise StoreError(f"Study {own[-1].id} has no finished run yet; go on with `plantfit resume {own[-1].id}`.")
     return dict(min(runs, key=lambda r: r.cost).parameters)

@@ -9,7 +9,6 @@ from typing import Any
 
 from plantfit.cli.interrupts import Stopping, stoppable
 from plantfit.cli.out import warn
-from plantfit.cli.watching import study_progress
 from plantfit.errors import SearchError
 
 
@@ -51,6 +50,8 @@ def worker_count(workers: str | None, scheduler: str | None) -> int | None:
 
 def search(opened: Any, chosen: Sequence[Ready], workers: str | None, scheduler: str | None, quiet: bool) -> tuple[list[int], bool]:
     """Begin or go on with studies; their numbers, and whether Ctrl-C stopped them."""
+    from plantfit.cli.watching import study_progress  # rich.live, after the study files were understood
+
     count = worker_count(workers, scheduler)
     numbers: list[int] = []
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri
 
 LEVEL = 0.95
 
@@ -39,9 +39,9 @@ class Estimate:
     @property
     def low(self) -> np.ndarray:
         """Lower ends (k,) of the 95 % intervals."""
-        return self.values - float(stats.norm.isf(0.5 * (1.0 - LEVEL))) * self.standard_error
+        return self.values - float(-ndtri(0.5 * (1.0 - LEVEL))) * self.standard_error
 
     @property
     def high(self) -> np.ndarray:
         """Upper ends (k,) of the 95 % intervals."""
-        return self.values + float(stats.norm.isf(0.5 * (1.0 - LEVEL))) * self.standard_error
+        return self.values + float(-ndtri(0.5 * (1.0 - LEVEL))) * self.standard_error

@@ -1,21 +1,26 @@
 """Models: the contract, equations as text, and the library."""
 
-from plantfit.models.dc_motor import dc_motor
-from plantfit.models.describe import describe
-from plantfit.models.drive import drive, drive_regression
-from plantfit.models.equations import equations
-from plantfit.models.events import Backlash, Event, Friction, StateDelay
-from plantfit.models.friction import coulomb, lugre, stribeck, viscous
-from plantfit.models.hammerstein_wiener import hammerstein_wiener
-from plantfit.models.library import make, models
-from plantfit.models.model import Declared, Delay, Model
-from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
-from plantfit.models.process import first_order, second_order
-from plantfit.models.regression import LinearModel
-from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
-from plantfit.models.steam_chamber import steam_chamber
-from plantfit.models.tabled_process import tabled_first_order
-from plantfit.models.tables import Table, lookup, lookup2
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.models.dc_motor import dc_motor
+    from plantfit.models.describe import describe
+    from plantfit.models.drive import drive, drive_regression
+    from plantfit.models.equations import equations
+    from plantfit.models.events import Backlash, Event, Friction, StateDelay
+    from plantfit.models.friction import coulomb, lugre, stribeck, viscous
+    from plantfit.models.hammerstein_wiener import hammerstein_wiener
+    from plantfit.models.library import make, models
+    from plantfit.models.model import Declared, Delay, Model
+    from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
+    from plantfit.models.process import first_order, second_order
+    from plantfit.models.regression import LinearModel
+    from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
+    from plantfit.models.steam_chamber import steam_chamber
+    from plantfit.models.tabled_process import tabled_first_order
+    from plantfit.models.tables import Table, lookup, lookup2
 
 __all__ = [
     "Backlash",
@@ -53,3 +58,25 @@ __all__ = [
     "tabled_first_order",
     "viscous",
 ]
+
+names_of(
+    __name__,
+    {
+        "dc_motor": "dc_motor",
+        "describe": "describe",
+        "drive": "drive drive_regression",
+        "equations": "equations",
+        "events": "Backlash Event Friction StateDelay",
+        "friction": "coulomb lugre stribeck viscous",
+        "hammerstein_wiener": "hammerstein_wiener",
+        "library": "make models",
+        "model": "Declared Delay Model",
+        "pendubot": "motor_torque pendubot pendubot_regression",
+        "process": "first_order second_order",
+        "regression": "LinearModel",
+        "smooth": "quantize smooth_abs smooth_deadzone smooth_sat",
+        "steam_chamber": "steam_chamber",
+        "tabled_process": "tabled_first_order",
+        "tables": "Table lookup lookup2",
+    },
+)

@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from plantfit.folders import code_folder
 from plantfit.native.processor import host, llvm_binding
 from plantfit.native.unsupported import NativeUnsupported
-from plantfit.runtime import code_folder
 
 _LOCK = threading.Lock()
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.folders import said_once
 from plantfit.native.compilation import find_libm
 from plantfit.native.graph import Graph, Node
 from plantfit.native.interface import refusal
@@ -17,7 +18,6 @@ from plantfit.native.processor import available, host
 from plantfit.native.trace import Tracer, moves
 from plantfit.native.unsupported import NativeUnsupported
 from plantfit.native.values import LARGEST, Memory, Value, array_of, dtype_of
-from plantfit.runtime import said_once
 
 # isort: split
 import jax

@@ -1,11 +1,16 @@
 """Search on the unit cube: the contract, the methods by name, and the one loop."""
 
-from plantfit.optimize.checkpoint import Checkpoint
-from plantfit.optimize.contract import Facts, Host, Needs, Objective, Population, Refreshing, RunResult, Shrinking
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.loop import minimise
-from plantfit.optimize.progress import Progress
-from plantfit.optimize.registry import make, methods
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.optimize.checkpoint import Checkpoint
+    from plantfit.optimize.contract import Facts, Host, Needs, Objective, Population, Refreshing, RunResult, Shrinking
+    from plantfit.optimize.counter import Counter
+    from plantfit.optimize.loop import minimise
+    from plantfit.optimize.progress import Progress
+    from plantfit.optimize.registry import make, methods
 
 __all__ = [
     "Checkpoint",
@@ -23,3 +28,15 @@ __all__ = [
     "methods",
     "minimise",
 ]
+
+names_of(
+    __name__,
+    {
+        "checkpoint": "Checkpoint",
+        "contract": "Facts Host Needs Objective Population Refreshing RunResult Shrinking",
+        "counter": "Counter",
+        "loop": "minimise",
+        "progress": "Progress",
+        "registry": "make methods",
+    },
+)

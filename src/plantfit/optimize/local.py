@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import optimize
+import scipy  # its rooms are loaded at their first use: scipy.optimize takes a third of the time of jax
 
 from plantfit.optimize.counter import Counter
 
@@ -91,7 +91,7 @@ def _solve(counter: Counter, x: np.ndarray, free: np.ndarray, loss: Loss, max_st
     # residuals of length 1 at the start, because the gradient tolerance of scipy is absolute
     unit = float(np.linalg.norm(first)) or 1.0
     tolerances: Any = {"ftol": 1e-12, "xtol": 1e-12, "gtol": 1e-15, "max_nfev": max_steps}
-    answer = optimize.least_squares(
+    answer = scipy.optimize.least_squares(
         lambda z: residuals.at(z)[0] / unit,
         inside,
         jac=lambda z: residuals.at(z)[1] / unit,  # type: ignore[arg-type]
@@ -140,6 +140,6 @@ def lbfgsb(counter: Counter, start: np.ndarray, max_steps: int, memory: int = 20
         return (value / unit, gradient / unit) if np.isfinite(value) else (1e6 * (abs(first) / unit + 1), np.zeros_like(gradient))
 
     options: Any = {"maxcor": memory, "maxls": 40, "ftol": 1e-15, "gtol": 1e-10, "maxiter": max_steps, "maxfun": 4 * max_steps}
-    answer = optimize.minimize(scaled, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start), options=options)
+    answer = scipy.optimize.minimize(scaled, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start), options=options)
     # status 1: the limit of steps or evaluations
     return Found(np.clip(answer.x, 0.0, 1.0), float(answer.fun) * unit, finished=answer.status != 1)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from plantfit.errors import Status
 from plantfit.optimize.basins import Basins
@@ -60,7 +60,7 @@ class NelderMead:
 
         options: Any = {"adaptive": True, "initial_simplex": self._simplex(start.x), "xatol": PRECISION, "fatol": enough}
         options |= {"maxfev": self.max_steps, "maxiter": self.max_steps}
-        answer = optimize.minimize(cost, start.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start.x), options=options)
+        answer = scipy.optimize.minimize(cost, start.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start.x), options=options)
         return Found(np.asarray(answer.x), float(answer.fun))
 
     def _simplex(self, start: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ its own damping and begins anew on its own, and one evaluation of all residuals 
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from plantfit.errors import Status
 from plantfit.optimize.counter import Counter
@@ -58,7 +58,7 @@ class Block:
         p = np.linalg.lstsq(rows, right, rcond=None)[0]
         if np.any((p < low) | (p > high)):
             # an interval needs some width, also for a coordinate on its bound
-            p = lsq_linear(rows, right, (low - 1e-15, high + 1e-15), method="bvls").x
+            p = scipy.optimize.lsq_linear(rows, right, (low - 1e-15, high + 1e-15), method="bvls").x
         p = np.clip(p, low, high)
         linear = self.residuals + self.jacobian @ p
         return p, self.cost - float(linear @ linear)

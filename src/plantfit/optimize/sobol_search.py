@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import qmc
 
+import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import Needs, Objective
 from plantfit.optimize.counter import Counter
 from plantfit.optimize.settings import integer
-from plantfit.optimize.starts import following, generator
+from plantfit.optimize.starts import generator
+from plantfit.sobol import MOST_DIMENSIONS, Sobol
 
 from jax import Array
 
@@ -26,16 +27,16 @@ class SobolSearch:
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
         d = objective.dimension
-        if d > qmc.Sobol.MAXDIM:
-            raise SearchError(f"Sobol points exist up to {qmc.Sobol.MAXDIM} dimensions, not {d}; choose 'random'.")
+        if d > MOST_DIMENSIONS:
+            raise SearchError(f"Sobol points exist up to {MOST_DIMENSIONS} dimensions, not {d}; choose 'random'.")
         warm = np.zeros((0, d)) if objective.start is None else np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0)
         warm = warm[:budget]
         if len(warm):
             counter.costs(warm)
-        sequence = qmc.Sobol(d, scramble=True, rng=generator(key))
+        sequence = Sobol(d, generator(key))
         left = budget - len(warm)
         while left > 0:
             n = min(self.batch, left)
-            counter.costs(following(sequence, n))
+            counter.costs(sequence.random(n))
             left -= n
         return Status.budget

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy.spatial.distance import cdist
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 
 def nearest_better(points: np.ndarray, costs: np.ndarray, share: float, factor: float) -> tuple[np.ndarray, float]:
@@ -38,7 +38,7 @@ def covered(seed: np.ndarray, mean: np.ndarray, cov: np.ndarray, share: float = 
     difference = seed - mean
     values, vectors = np.linalg.eigh(cov)
     along = (vectors.T @ difference) ** 2
-    return bool(np.sum(along / np.maximum(values, 1e-300)) < chi2.ppf(share, len(seed)))
+    return bool(np.sum(along / np.maximum(values, 1e-300)) < 2 * gammaincinv(len(seed) / 2, share))
 
 
 def spread_around(seed: np.ndarray, points: np.ndarray, count: int) -> float:

@@ -1,14 +1,13 @@
 """Where local searches begin: seeded points, spread points, points far from each other."""
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
+from plantfit.sobol import Sobol
 
 import jax
 from jax import Array
@@ -29,15 +28,7 @@ def warm_then_uniform(start: np.ndarray | None, dimension: int, rng: np.random.G
 
 def sobol(n: int, dimension: int, rng: np.random.Generator) -> np.ndarray:
     """n points (n, d) of a scrambled Sobol sequence (Owen 1998)."""
-    return following(qmc.Sobol(dimension, scramble=True, rng=rng), n)
-
-
-def following(sequence: qmc.Sobol, n: int) -> np.ndarray:
-    """The next n points (n, d) of a sequence."""
-    with warnings.catch_warnings():
-        # the balance of powers of two is not needed here
-        warnings.simplefilter("ignore", UserWarning)
-        return sequence.random(n)
+    return Sobol(dimension, rng).random(n)
 
 
 WIDE = 100.0  # ratio of the bounds of one sign from which on a coordinate spans scales

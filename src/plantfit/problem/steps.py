@@ -9,7 +9,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import qmc
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.mesh import MOST_STEPS as MOST_MESHED
@@ -18,6 +17,7 @@ from plantfit.problem.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Drive
 from plantfit.simulate.steppers import ORDER
+from plantfit.sobol import Sobol
 
 COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
 SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
@@ -49,7 +49,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     """
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
-    z = qmc.Sobol(problem.space.dimension, scramble=True, rng=0).random(points)
+    z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
     problem = _even_or_meshed(problem, z) if can_mesh(problem) else _refined_until(problem, _step_error, z, COARSE, FINEST)
     delays, rows = _held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)

@@ -1,8 +1,13 @@
 """Reports of findings: one self-contained HTML file, or plain text for a terminal."""
 
-from plantfit.report.comparison import render_comparison, write_comparison
-from plantfit.report.html import render_html, write_report
-from plantfit.report.text import budgets_text, summary_text, uncertainty_text
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.report.comparison import render_comparison, write_comparison
+    from plantfit.report.html import render_html, write_report
+    from plantfit.report.text import budgets_text, summary_text, uncertainty_text
 
 __all__ = [
     "budgets_text",
@@ -13,3 +18,12 @@ __all__ = [
     "write_comparison",
     "write_report",
 ]
+
+names_of(
+    __name__,
+    {
+        "comparison": "render_comparison write_comparison",
+        "html": "render_html write_report",
+        "text": "budgets_text summary_text uncertainty_text",
+    },
+)

@@ -1,7 +1,21 @@
 """Simulation of models over recordings, with exact derivatives; closed loops."""
 
-from plantfit.simulate.closed_loop import ClosedLoop, Controller, Observer, closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
-from plantfit.simulate.simulator import Drive, Simulator
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.simulate.closed_loop import ClosedLoop, Controller, Observer, closed_loop
+    from plantfit.simulate.sensors import Actuator, Sensor
+    from plantfit.simulate.simulator import Drive, Simulator
 
 __all__ = ["Actuator", "ClosedLoop", "Controller", "Drive", "Observer", "Sensor", "Simulator", "closed_loop"]
+
+names_of(
+    __name__,
+    {
+        "closed_loop": "ClosedLoop Controller Observer closed_loop",
+        "sensors": "Actuator Sensor",
+        "simulator": "Drive Simulator",
+    },
+)

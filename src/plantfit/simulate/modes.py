@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
+import scipy
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.events import bind_backlash, bind_event, bind_friction
@@ -165,7 +165,7 @@ class Modes:
         at = np.abs(first) <= NEAR * np.abs(travel)
         side = np.where(at, np.sign(travel), np.sign(first))
         # what is at its surface and on its way through has passed it
-        solver = DOP853(rate, t, x, stop, rtol=run.rtol, atol=run.atol)
+        solver = scipy.integrate.DOP853(rate, t, x, stop, rtol=run.rtol, atol=run.atol)
         for _ in range(20_000):
             before, y = solver.t, solver.y
             with warnings.catch_warnings():

@@ -14,7 +14,7 @@ from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, Radau, odeint
+import scipy  # scipy.integrate is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.modes import Modes
@@ -240,7 +240,9 @@ def _by_lsoda(run: _Run, motion: _Smooth, x: np.ndarray, span: Any, inside: np.n
     times = np.concatenate([[start], inside])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found, told = odeint(rate, x, times, rtol=run.rtol, atol=run.atol, mxstep=STEPS, full_output=True, tcrit=[inside[-1]])
+        found, told = scipy.integrate.odeint(
+            rate, x, times, rtol=run.rtol, atol=run.atol, mxstep=STEPS, full_output=True, tcrit=[inside[-1]]
+        )
     if told["message"] == "Integration successful." and np.all(np.isfinite(found)):
         return found[1:].T
 
@@ -249,7 +251,7 @@ def _by_lsoda(run: _Run, motion: _Smooth, x: np.ndarray, span: Any, inside: np.n
         return np.asarray(motion.slopes(q))[:, :n]
 
     # where LSODA gives up, a method for stiff plants goes on, or tells where the end is
-    solver = Radau(lambda t, x: rate(x, t), start, x, inside[-1], rtol=run.rtol, atol=run.atol, jac=jacobian)
+    solver = scipy.integrate.Radau(lambda t, x: rate(x, t), start, x, inside[-1], rtol=run.rtol, atol=run.atol, jac=jacobian)
     result = np.full((n, len(inside)), np.nan)
     for _ in range(STEPS):
         t, y = solver.t, solver.y
@@ -285,7 +287,7 @@ def _by_steps(run: _Run, motion: _Smooth, x, span, inside, lags, first) -> np.nd
             q[n + late + i] = _past(run, first, state, t - delay)
         return np.asarray(motion.call(q))
 
-    solver = DOP853(rate, start, x, inside[-1], rtol=run.rtol, atol=run.atol)
+    solver = scipy.integrate.DOP853(rate, start, x, inside[-1], rtol=run.rtol, atol=run.atol)
     result = np.full((n, len(inside)), np.nan)
     for _ in range(STEPS):
         t, y = solver.t, solver.y

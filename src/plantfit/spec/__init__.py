@@ -1,9 +1,15 @@
 """The study file: TOML to recordings, model, space, problem and plan."""
 
-from plantfit.spec.in_combinations import Rewritten, in_combinations
-from plantfit.spec.recordings import CLEANING, read_recording, recording_file
-from plantfit.spec.study import Study, load, model_of, parse
-from plantfit.spec.tables import SpecTable, validated
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.spec.in_combinations import Rewritten, in_combinations
+    from plantfit.spec.reading import load, parse
+    from plantfit.spec.recordings import CLEANING, read_recording, recording_file
+    from plantfit.spec.study import Study, model_of
+    from plantfit.spec.tables import SpecTable, validated
 
 __all__ = [
     "CLEANING",
@@ -18,3 +24,14 @@ __all__ = [
     "recording_file",
     "validated",
 ]
+
+names_of(
+    __name__,
+    {
+        "in_combinations": "Rewritten in_combinations",
+        "reading": "load parse",
+        "recordings": "CLEANING read_recording recording_file",
+        "study": "Study model_of",
+        "tables": "SpecTable validated",
+    },
+)

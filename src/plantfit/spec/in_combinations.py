@@ -19,7 +19,8 @@ from tomlkit.items import Table
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.errors import SpecError, UnitError
-from plantfit.spec.study import Study, parse
+from plantfit.spec.reading import parse
+from plantfit.spec.study import Study
 
 PIVOTS = 3000  # choices of replaced parameters that are looked at
 WIDE = 10.0  # times the answer's value, where the bounds of the parameters say nothing about a combination

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plantfit.errors import SpecError
-from plantfit.models.clock_shift import shift_name
-from plantfit.problem import Problem
 from plantfit.spec.tables import SpecTable
+
+if TYPE_CHECKING:
+    from plantfit.problem import Problem
 
 MOST_STATES = 128  # compiled loops of 300 states did not end
 MOST_NODES = 10_000  # of a table; a quasi-random sample in 21 201 dimensions is the largest that scipy draws
@@ -40,8 +41,10 @@ def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
             raise SpecError(f"{place}: {key} = {value!s:.40} is more than {of} ({most}); give a smaller number.")
 
 
-def check_problem(problem: Problem, table: SpecTable, path: Path) -> None:
+def check_problem(problem: "Problem", table: SpecTable, path: Path) -> None:
     """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future."""
+    from plantfit.models.clock_shift import shift_name  # loads jax, and `check_tables` comes before it
+
     if problem.space.dimension > MOST_COORDINATES:
         raise SpecError(
             f"{path.name}: {problem.space.dimension} values are free, and at most {MOST_COORDINATES} can be searched; "

@@ -1,6 +1,5 @@
 """A study file as a problem and a plan."""
 
-import difflib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,11 +13,10 @@ from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.filter_alike import filter_alike
 from plantfit.space import Parameter
-from plantfit.spec.limits import check_problem, check_tables
+from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import experiment_of
-from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable, validated
+from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
 from plantfit.trust.shared_error import SharedError
@@ -42,33 +40,9 @@ class Study:
     draws: int | None = None
 
 
-def load(path: str | Path) -> Study:
-    """Read a study file.
-
-    Raises SpecError with file, key, value and what to do, and the errors of the rooms that use the values.
-    """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
-        raise SpecError(
-            f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
-            "`plantfit init RECORDING.csv`."
-        ) from None
-    except UnicodeDecodeError as error:
-        raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
-    except (OSError, ValueError) as error:
-        raise SpecError(f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights.") from None
-    return parse(text, path)
-
-
-def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> Study:
-    """The same from a text; recordings are looked for beside `path`, or where `files` says."""
-    path = Path(path)
-    table = validated(text, path)
-    check_tables(table, path)
-    model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files or {}) for n, r in table.recording.items()}
+def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path]) -> Study:
+    """The study of checked tables; recordings are looked for beside `path`, or where `files` says."""
+    model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files) for n, r in table.recording.items()}
     if table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
     with _naming(path.name):
@@ -154,6 +128,8 @@ def _from_text(table: SpecTable) -> Model:
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
         raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
+    from plantfit.problem.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
+
     with _naming(f"{path.name}, [model] filter_alike"):
         columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
     return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}

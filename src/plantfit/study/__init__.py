@@ -7,27 +7,32 @@ study_id = run(Plan(name="gearmotor", methods=("auto", "pso"), runs=20, budget=5
 resume(store, study_id, objective)
 """
 
-from plantfit.study.basins import Basin, basins
-from plantfit.study.comparing.pairwise import Comparison, a12, compare, holm
-from plantfit.study.helper_processes import helping
-from plantfit.study.objective import objective_of
-from plantfit.study.plan import Plan, Task, tasks
-from plantfit.study.progress import StudyProgress
-from plantfit.study.records import RunRecord, StudyRecord
-from plantfit.study.runner import begin, resume, run
-from plantfit.study.statistics import (
-    Summary,
-    bootstrap_interval,
-    costs_by_method,
-    evaluations_to_target,
-    expected_running_time,
-    success_rate,
-    summarise,
-    t_interval,
-    wilson_interval,
-)
-from plantfit.study.store import Store
-from plantfit.study.versions import cpu_model, versions
+from typing import TYPE_CHECKING
+
+from plantfit.lazy import names_of
+
+if TYPE_CHECKING:
+    from plantfit.study.basins import Basin, basins
+    from plantfit.study.comparing.pairwise import Comparison, a12, compare, holm
+    from plantfit.study.helper_processes import helping
+    from plantfit.study.objective import objective_of
+    from plantfit.study.plan import Plan, Task, tasks
+    from plantfit.study.progress import StudyProgress
+    from plantfit.study.records import RunRecord, StudyRecord
+    from plantfit.study.runner import begin, resume, run
+    from plantfit.study.statistics import (
+        Summary,
+        bootstrap_interval,
+        costs_by_method,
+        evaluations_to_target,
+        expected_running_time,
+        success_rate,
+        summarise,
+        t_interval,
+        wilson_interval,
+    )
+    from plantfit.study.store import Store
+    from plantfit.study.versions import cpu_model, versions
 
 __all__ = [
     "Basin",
@@ -60,3 +65,21 @@ __all__ = [
     "versions",
     "wilson_interval",
 ]
+
+names_of(
+    __name__,
+    {
+        "basins": "Basin basins",
+        "comparing.pairwise": "Comparison a12 compare holm",
+        "helper_processes": "helping",
+        "objective": "objective_of",
+        "plan": "Plan Task tasks",
+        "progress": "StudyProgress",
+        "records": "RunRecord StudyRecord",
+        "runner": "begin resume run",
+        "statistics": "Summary bootstrap_interval costs_by_method "
+        "evaluations_to_target expected_running_time success_rate summarise t_interval wilson_interval",
+        "store": "Store",
+        "versions": "cpu_model versions",
+    },
+)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from plantfit.study.records import RunRecord
 
@@ -69,12 +69,12 @@ def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> Summary:
 
 def normal_interval(values: Any, level: float = 0.95) -> Interval:
     """Confidence interval of the mean, mean +- z(level) std / sqrt(n), as papers print it; NaN for n < 2, too short for few runs."""
-    return _around_mean(values, float(stats.norm.ppf(0.5 + level / 2)))
+    return _around_mean(values, float(scipy.stats.norm.ppf(0.5 + level / 2)))
 
 
 def t_interval(values: Any, level: float = 0.95) -> Interval:
     """Confidence interval of the mean, mean +- t(level, n - 1) std / sqrt(n); NaN for n < 2."""
-    return _around_mean(values, float(stats.t.ppf(0.5 + level / 2, max(np.size(values) - 1, 1))))
+    return _around_mean(values, float(scipy.stats.t.ppf(0.5 + level / 2, max(np.size(values) - 1, 1))))
 
 
 def _around_mean(values: Any, quantile: float) -> Interval:
@@ -94,7 +94,7 @@ def bootstrap_interval(
         return NAN_INTERVAL
     if np.all(values == values[0]):
         return float(values[0]), float(values[0])
-    result = stats.bootstrap(
+    result = scipy.stats.bootstrap(
         (values,), statistic, confidence_level=level, n_resamples=resamples, method="BCa", rng=np.random.default_rng(seed), batch=999
     )
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
@@ -110,7 +110,7 @@ def ratio_interval(x: Any, y: Any, *, seed: int, resamples: int = 9999) -> Inter
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.median(a, axis=axis) / np.median(b, axis=axis)
 
-    found = stats.bootstrap(
+    found = scipy.stats.bootstrap(
         (x, y), ratio, n_resamples=resamples, method="percentile", vectorized=True, rng=np.random.default_rng(seed), batch=999
     )
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
@@ -120,7 +120,7 @@ def wilson_interval(successes: int, n: int, level: float = 0.95) -> Interval:
     """Score interval of a proportion (Wilson 1927, J. Am. Stat. Assoc. 22:209); (0, 1) for n = 0."""
     if n == 0:
         return 0.0, 1.0
-    z, p = stats.norm.ppf(0.5 + level / 2), successes / n
+    z, p = scipy.stats.norm.ppf(0.5 + level / 2), successes / n
     centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z / (1 + z**2 / n) * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
     # the ends are exact at 0 and n successes, where rounding would leave 1e-17

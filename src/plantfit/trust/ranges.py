@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.long_run import first_correlation, most_memory, unbiased
@@ -117,7 +117,7 @@ def linear_problem(
     spread = own + begun(j, bread, variance, begins)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or (memory <= SLOW and samples - len(at) >= FEW))
-    quantile = float(student.ppf(0.5 + LEVEL / 2, max(1.0, samples - len(at))))
+    quantile = float(stdtrit(max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
     inflation = np.maximum(1.0, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from plantfit.study.comparing.pairwise import holm
 from plantfit.study.statistics import Interval
@@ -40,22 +40,22 @@ def friedman(methods: Sequence[str], costs: np.ndarray) -> Friedman:
     Post hoc z = (R_i - R_best) / sqrt(k (k + 1) / 6 N) with Holm's correction (Demsar 2006, J. Mach. Learn. Res. 7:1).
     """
     problems, k = np.shape(costs)
-    ranks = stats.rankdata(np.where(np.isnan(costs), np.inf, costs), axis=1)
+    ranks = scipy.stats.rankdata(np.where(np.isnan(costs), np.inf, costs), axis=1)
     mean = ranks.mean(axis=0)
     chi = _chi_square(ranks)
     spare = problems * (k - 1) - chi
     f = np.inf if spare <= 1e-12 * problems else (problems - 1) * chi / spare
-    p = float(stats.f.sf(f, k - 1, (k - 1) * (problems - 1))) if problems > 1 else 1.0
+    p = float(scipy.stats.f.sf(f, k - 1, (k - 1) * (problems - 1))) if problems > 1 else 1.0
     best = int(np.argmin(mean))
     z = (mean - mean[best]) / np.sqrt(k * (k + 1) / (6 * problems))
     others = [j for j in range(k) if j != best]
     raw = np.full(k, np.nan)
-    raw[others] = 2 * stats.norm.sf(np.abs(z[others]))
+    raw[others] = 2 * scipy.stats.norm.sf(np.abs(z[others]))
     fixed = np.full(k, np.nan)
     fixed[others] = holm(raw[others])
     z[best] = np.nan
     return Friedman(
-        tuple(methods), problems, tuple(mean.tolist()), chi, float(stats.chi2.sf(chi, k - 1)), float(f), p,
+        tuple(methods), problems, tuple(mean.tolist()), chi, float(scipy.stats.chi2.sf(chi, k - 1)), float(f), p,
         methods[best], tuple(z.tolist()), tuple(raw.tolist()), tuple(fixed.tolist()),
     )  # fmt: skip
 
@@ -77,7 +77,7 @@ def signed_rank(first: np.ndarray, second: np.ndarray) -> float:
     positive = np.all(np.isfinite([first, second])) and min(first.min(), second.min()) > 0
     difference = np.log(first / second) if positive else first - second
     difference = difference[~np.isnan(difference)]
-    return float(np.asarray(stats.wilcoxon(difference))[1]) if np.any(difference) else 1.0
+    return float(np.asarray(scipy.stats.wilcoxon(difference))[1]) if np.any(difference) else 1.0
 
 
 def smallest_p(problems: int) -> float:

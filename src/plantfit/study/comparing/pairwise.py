@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy import optimize, special, stats
+import scipy
 
 from plantfit.study.statistics import NAN_INTERVAL, Interval
 
@@ -76,11 +76,11 @@ def a12_interval(x: Any, y: Any, level: float = 0.95) -> Interval:
     of_x, of_y = _placements(x, y), _placements(y, x)
     effect = float(of_x.mean())
     variance = float(of_x.var(ddof=1) / m + of_y.var(ddof=1) / n)
-    z = float(stats.norm.ppf(0.5 + level / 2))
+    z = float(scipy.stats.norm.ppf(0.5 + level / 2))
     if not 0 < effect < 1 or variance == 0:
         return _score_interval(effect, m, n, z)
     half = z * np.sqrt(variance) / (effect * (1 - effect))
-    low, high = special.expit(special.logit(effect) + np.array([-half, half]))
+    low, high = scipy.special.expit(scipy.special.logit(effect) + np.array([-half, half]))
     return float(low), float(high)
 
 
@@ -97,7 +97,7 @@ def detectable(m: int, n: int, pairs: int = 1) -> float:
     if m == 0 or n == 0:
         return 1.0
     share = m / (m + n)
-    z = stats.norm.ppf(1 - LEVEL / (2 * max(pairs, 1))) + stats.norm.ppf(POWER)
+    z = scipy.stats.norm.ppf(1 - LEVEL / (2 * max(pairs, 1))) + scipy.stats.norm.ppf(POWER)
     return float(min(1.0, 0.5 + z / np.sqrt(12 * share * (1 - share) * (m + n))))
 
 
@@ -116,8 +116,8 @@ def mann_whitney(x: np.ndarray, y: np.ndarray) -> float:
     if np.all(both == both[0]):
         return 1.0  # nothing but ties: no evidence of a difference
     # ranks in place of values, because scipy takes an infinite cost for a missing one in no policy
-    ranks = stats.rankdata(both)
-    return float(stats.mannwhitneyu(ranks[: len(x)], ranks[len(x) :], alternative="two-sided").pvalue)
+    ranks = scipy.stats.rankdata(both)
+    return float(scipy.stats.mannwhitneyu(ranks[: len(x)], ranks[len(x) :], alternative="two-sided").pvalue)
 
 
 def levels(costs: Mapping[str, Any], tolerance: float, floor: float = 0.0) -> dict[str, np.ndarray]:
@@ -145,8 +145,8 @@ def hitting_order(to_target: Mapping[str, Any], costs: Mapping[str, Any]) -> dic
     final = np.concatenate([_failures_last(costs[m]) for m in to_target] or [np.empty(0)])
     missed = ~np.isfinite(times)
     rank = np.empty(len(times))
-    rank[~missed] = stats.rankdata(times[~missed])
-    rank[missed] = np.sum(~missed) + stats.rankdata(final[missed])
+    rank[~missed] = scipy.stats.rankdata(times[~missed])
+    rank[missed] = np.sum(~missed) + scipy.stats.rankdata(final[missed])
     return _split(rank, to_target)
 
 
@@ -169,8 +169,8 @@ def _score_interval(effect: float, m: int, n: int, z: float) -> Interval:
         return (a - effect) ** 2 - z * z * variance
 
     small = 1e-12  # the estimate itself is a root where it is 0 or 1
-    low = 0.0 if effect <= 0 else float(optimize.brentq(outside, 0.0, effect - small))  # pyright: ignore[reportArgumentType]
-    high = 1.0 if effect >= 1 else float(optimize.brentq(outside, effect + small, 1.0))  # pyright: ignore[reportArgumentType]
+    low = 0.0 if effect <= 0 else float(scipy.optimize.brentq(outside, 0.0, effect - small))  # pyright: ignore[reportArgumentType]
+    high = 1.0 if effect >= 1 else float(scipy.optimize.brentq(outside, effect + small, 1.0))  # pyright: ignore[reportArgumentType]
     return low, high
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy import stats
+import scipy
 
 LEVEL = 0.05
 
@@ -62,25 +62,25 @@ def surely_worse(scores: Any, level: float = LEVEL) -> np.ndarray:
 
 
 def _two(scores: np.ndarray, level: float) -> np.ndarray:
-    ranks = stats.rankdata(scores).reshape(scores.shape)
+    ranks = scipy.stats.rankdata(scores).reshape(scores.shape)
     difference = ranks[0] - ranks[1]
     if not difference.any():
         return np.zeros(2, bool)
     worse = int(difference.sum() < 0)
-    test: Any = stats.wilcoxon(difference, alternative="less" if worse else "greater", zero_method="zsplit", method="exact")
+    test: Any = scipy.stats.wilcoxon(difference, alternative="less" if worse else "greater", zero_method="zsplit", method="exact")
     return np.arange(2) == (worse if test.pvalue < level else -1)
 
 
 def _friedman(scores: np.ndarray, level: float) -> np.ndarray:
     k, n = scores.shape
-    ranks = stats.rankdata(scores, axis=0)
+    ranks = scipy.stats.rankdata(scores, axis=0)
     sums = ranks.sum(axis=1)
     spread = float((ranks**2).sum()) - n * k * (k + 1) ** 2 / 4
     if spread <= 0:
         return np.zeros(k, bool)  # nothing but ties
     statistic = (k - 1) * float(((sums - n * (k + 1) / 2) ** 2).sum()) / spread
-    if stats.chi2.sf(statistic, k - 1) >= level:
+    if scipy.stats.chi2.sf(statistic, k - 1) >= level:
         return np.zeros(k, bool)
     left = max(1 - statistic / (n * (k - 1)), 0.0)  # 0 when all seeds agree
     error = np.sqrt(2 * n * left * spread / ((n - 1) * (k - 1)))
-    return sums - sums.min() > stats.t.ppf(1 - level / 2, (n - 1) * (k - 1)) * error
+    return sums - sums.min() > scipy.stats.t.ppf(1 - level / 2, (n - 1) * (k - 1)) * error

@@ -1,0 +1,44 @@
+"""A study file is read here: its keys and values are checked before anything large is imported, so that a slip is told at once."""
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plantfit.errors import SpecError
+from plantfit.spec.limits import check_tables
+from plantfit.spec.tables import validated
+
+if TYPE_CHECKING:
+    from plantfit.spec.study import Study
+
+
+def load(path: str | Path) -> "Study":
+    """Read a study file.
+
+    Raises SpecError with file, key, value and what to do, and the errors of the rooms that use the values.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
+        raise SpecError(
+            f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
+            "`plantfit init RECORDING.csv`."
+        ) from None
+    except UnicodeDecodeError as error:
+        raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
+    except (OSError, ValueError) as error:
+        raise SpecError(f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights.") from None
+    return parse(text, path)
+
+
+def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> "Study":
+    """The same from a text; recordings are looked for beside `path`, or where `files` says."""
+    path = Path(path)
+    table = validated(text, path)
+    check_tables(table, path)
+    from plantfit.spec.study import study_of  # jax, after the file has been understood
+
+    return study_of(table, text, path, files or {})
