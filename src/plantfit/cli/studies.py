@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from plantfit.cli.file_names import file_name, report_places
 from plantfit.cli.out import out, print_json, verdict, warn
 from plantfit.cli.working import ready, search, worker_count
@@ -76,7 +74,7 @@ def report(number: int | None, store: str, place: str | None, json: bool) -> Non
     record = _record(opened, number, store)
     study = _study(record)
     (to,) = report_places([study.name], place)
-    said = _deliver(_answer(study, opened, record.id, store, {}), to, study.name, json)
+    said = _deliver(_answer(study, opened, record.id, {}), to, study.name, json)
     if json:
         print_json(said)
 
@@ -91,7 +89,7 @@ def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, worker
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.seconds, "search": searched}
-        said.append(_deliver(_answer(one.study, opened, number, store, seconds), place, one.study.name, json, len(chosen) > 1))
+        said.append(_deliver(_answer(one.study, opened, number, seconds), place, one.study.name, json, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
 
@@ -102,33 +100,10 @@ def _saved(records, store: str) -> str:
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
-def _answer(study, opened, number: int, store: str, seconds):
-    from plantfit.fitting import Answer, finish, prepare
-    from plantfit.optimize.contract import RunResult
+def _answer(study, opened, number: int, seconds):
+    from plantfit.reopen import answer_of
 
-    problem = prepare(study.problem)
-    results = [
-        RunResult(
-            r.method,
-            r.run,
-            r.seed,
-            np.asarray(r.x),
-            r.cost,
-            r.evaluations,
-            r.seconds,
-            r.status,
-            r.history_evaluations,
-            r.history_cost,
-            r.failures,
-            dict(r.extra),
-        )
-        for r in opened.runs(number)
-    ]
-    if not results:
-        raise StoreError(f"Study {number} in {shown(store)} has no finished run yet; go on with `plantfit resume {number}`.")
-    problem, results = finish(problem, results)
-    command = f"plantfit run {study.path.name}"
-    return Answer(problem, results, study.plan.seed, study.text, command, seconds, study.errors, study.draws)
+    return answer_of(opened, opened.study(number), study, seconds)
 
 
 def _deliver(answer, place: Path, name: str, json: bool, several: bool = False) -> dict[str, Any]:
@@ -173,11 +148,9 @@ def _differs(path: Path, text: str) -> bool:
 
 
 def _study(record):
-    from plantfit import spec as specs
+    from plantfit.reopen import study_of
 
-    if not record.spec_text:
-        raise StoreError(f"Study {record.id} was made from Python without a study file; use its script to go on.")
-    path = Path(record.spec_path or file_name(record.name, "toml"))
-    if _differs(path, record.spec_text):
-        warn(f"{path.name} has changed since study {record.id} was started; the stored wording is used.")
-    return specs.parse(record.spec_text, path)
+    study = study_of(record, file_name(record.name, "toml"))
+    if _differs(study.path, record.spec_text):
+        warn(f"{study.path.name} has changed since study {record.id} was started; the stored wording is used.")
+    return study

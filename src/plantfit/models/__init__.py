@@ -1,4 +1,10 @@
-"""Models: the contract, equations as text, and the library."""
+"""Models: the contract, equations as text, and the library, listed and made as `plantfit.methods` does it.
+
+models.names()                       ("dc_motor", "drive", ...)
+models.listing()                     a record of each: name, sentence, source, options
+models.describe("dc_motor")          the same of one with its signals and parameters, as text; also of a model
+models.make("dc_motor", tied=True)   a model
+"""
 
 from plantfit.models.dc_motor import dc_motor
 from plantfit.models.describe import describe
@@ -7,7 +13,7 @@ from plantfit.models.equations import equations
 from plantfit.models.events import Backlash, Event, Friction, StateDelay
 from plantfit.models.friction import coulomb, lugre, stribeck, viscous
 from plantfit.models.hammerstein_wiener import hammerstein_wiener
-from plantfit.models.library import make, models
+from plantfit.models.library import listing, make, models, names
 from plantfit.models.model import Declared, Delay, Model
 from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
 from plantfit.models.process import first_order, second_order
@@ -35,12 +41,14 @@ __all__ = [
     "equations",
     "first_order",
     "hammerstein_wiener",
+    "listing",
     "lookup",
     "lookup2",
     "lugre",
     "make",
     "models",
     "motor_torque",
+    "names",
     "pendubot",
     "pendubot_regression",
     "quantize",

@@ -15,6 +15,7 @@ from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.filter_alike import filter_alike
+from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
 from plantfit.spec.limits import check_problem, check_tables
 from plantfit.spec.recordings import experiment_of
@@ -87,6 +88,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
         )
         check_problem(problem, table, path)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
+    problem.study_file = StudyFile(text, path, errors, table.propagation.draws)
     return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
 
 
