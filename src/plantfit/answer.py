@@ -115,7 +115,7 @@ class Answer:
         Variances are the squares of `standard_errors`. Stated `errors` of instruments are not in it.
         """
         errors = np.array(list(self.standard_errors.values()))
-        return self._named(self._correlation * errors[:, None] * errors[None, :])
+        return self._named(self._correlation * np.outer(errors, errors))
 
     @property
     def correlation(self) -> ParameterMatrix:
@@ -245,7 +245,7 @@ class Answer:
         known = np.isfinite(list(self.standard_errors.values()))
         with np.errstate(all="ignore"):
             size = np.sqrt(np.diag(local))
-            found = np.where(known[:, None] & known[None, :], local / size[:, None] / size[None, :], np.nan)
+            found = np.where(known[:, None] & known[None, :], 0.5 * (local + local.T) / np.outer(size, size), np.nan)
         np.fill_diagonal(found, np.where(known, 1.0, np.nan))
         return found
 
