@@ -149,7 +149,8 @@ class Space:
         tied = [f"{n} = {p.tied}" for n, p in self.parameters.items() if p.tied is not None]
         others = f"held: {_few(held)}; tied: {_few(tied)}"
         of = f", with values of their own for {_few(self.recordings)}" if any(c.recording for c in self.coordinates) else ""
-        return f"Space of {self.dimension} free coordinates{of}\n  {_few([_told(c) for c in self.coordinates])}\n  {others}"
+        count = f"{self.dimension} free coordinate{'s' * (self.dimension != 1)}"
+        return f"Space of {count}{of}\n  {_few([_told(c) for c in self.coordinates])}\n  {others}"
 
     @property
     def start(self) -> np.ndarray | None:

@@ -1,6 +1,7 @@
 """What `fit` gives back, against closed forms and against its own findings."""
 
 import dataclasses
+import json
 import pickle
 import subprocess
 import sys
@@ -62,7 +63,7 @@ def test_covariance_of_a_line_is_that_of_textbooks(straight):
 
 
 def test_what_is_not_determined_has_no_standard_error_and_no_covariance():
-    problem, u, y = line("y = a*b*u + c", b={"bounds": (0.1, 10.0)})
+    problem, *_ = line("y = a*b*u + c", b={"bounds": (0.1, 10.0)})
     answer = pf.fit(problem, "least_squares", budget=200)
     errors, matrix = answer.standard_errors, answer.covariance
     assert np.isnan(errors["a"])
@@ -250,8 +251,6 @@ def test_summary_holds_every_sentence_and_parameter(heater):
 
 
 def _elsewhere(answer, path):
-    import json
-
     path.write_bytes(pickle.dumps(answer))
     told = subprocess.run([sys.executable, "-c", LOAD, str(path)], capture_output=True, text=True)
     assert told.returncode == 0, told.stderr
@@ -261,15 +260,11 @@ def _elsewhere(answer, path):
 @pytest.mark.parametrize("asked", [False, True])
 def test_an_answer_is_the_same_in_another_process(heater, tmp_path, asked):
     answer = heater if asked else dataclasses.replace(heater)
-    assert ("findings" in answer.__dict__) == (asked or "findings" in answer.__dict__)
-    if asked:
-        answer.findings  # noqa: B018
+    assert bool(answer.findings) if asked else "findings" not in answer.__dict__
     made, values, predicted, findings = _elsewhere(answer, tmp_path / "a.pickle")
     assert made == asked
     assert values == {k: v.hex() for k, v in heater.values.items()}
     assert predicted == {k: [float(v).hex() for v in y] for k, y in heater.predict().items()}
-    import json
-
     assert lasting(findings) == lasting(json.loads(json.dumps(heater.findings)))
 
 
