@@ -7,62 +7,75 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from plantfit import models, recording
-    from plantfit.errors import PlantfitError
-    from plantfit.fitting import Answer, fit
+    from plantfit import methods, models, recording
+    from plantfit.answer import Answer
+    from plantfit.errors import PlantfitError, Status
+    from plantfit.fitting import fit
     from plantfit.models import equations
     from plantfit.models.model import Declared, Delay, Model
-    from plantfit.optimize import methods, minimise
+    from plantfit.optimize import Checkpoint, Objective, Progress, RunResult, minimise
     from plantfit.problem import Experiment, Problem, split
     from plantfit.recording import Recording, Signal, from_arrays, from_frame, read, read_csv
+    from plantfit.reopen import open_study
     from plantfit.report import write_report
     from plantfit.space import Parameter, Space
     from plantfit.spec import load
-    from plantfit.study import Plan, Store
+    from plantfit.study import Plan, Store, objective_of
 
 __version__ = "0.1.0"
 
 _PLACES = {
-    "Answer": "plantfit.fitting",
+    "Answer": "plantfit.answer",
+    "Checkpoint": "plantfit.optimize",
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
     "Experiment": "plantfit.problem",
     "Model": "plantfit.models.model",
+    "Objective": "plantfit.optimize",
     "Parameter": "plantfit.space",
     "Plan": "plantfit.study",
     "PlantfitError": "plantfit.errors",
     "Problem": "plantfit.problem",
+    "Progress": "plantfit.optimize",
     "Recording": "plantfit.recording",
+    "RunResult": "plantfit.optimize",
     "Signal": "plantfit.recording",
     "Space": "plantfit.space",
+    "Status": "plantfit.errors",
     "Store": "plantfit.study",
     "equations": "plantfit.models",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
     "from_frame": "plantfit.recording",
     "load": "plantfit.spec",
-    "methods": "plantfit.optimize",
     "minimise": "plantfit.optimize",
+    "objective_of": "plantfit.study",
+    "open_study": "plantfit.reopen",
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
     "split": "plantfit.problem",
     "write_report": "plantfit.report",
 }
-_ROOMS = ("models", "recording")
+_ROOMS = ("methods", "models", "recording")
 
 __all__ = [
     "Answer",
+    "Checkpoint",
     "Declared",
     "Delay",
     "Experiment",
     "Model",
+    "Objective",
     "Parameter",
     "Plan",
     "PlantfitError",
     "Problem",
+    "Progress",
     "Recording",
+    "RunResult",
     "Signal",
     "Space",
+    "Status",
     "Store",
     "equations",
     "fit",
@@ -72,6 +85,8 @@ __all__ = [
     "methods",
     "minimise",
     "models",
+    "objective_of",
+    "open_study",
     "read",
     "read_csv",
     "recording",

@@ -126,6 +126,7 @@ class Status(enum.StrEnum):
 
     @property
     def sentence(self) -> str:
+        """What the status means, as a sentence."""
         return _SENTENCES[self]
 
 

@@ -34,6 +34,8 @@ class Parameter:
 
     With a `shape`, (n,) or (ny, nu), it is an array, as the values of a table are. Each bound, and
     `value` and `start`, is then a number for all entries or nested sequences of that shape.
+
+    What contradicts itself is refused where the parameter is used, by `Space` and `Problem` (SpaceError).
     """
 
     bounds: tuple[Numbers, Numbers] | None = None
@@ -76,6 +78,16 @@ class Coordinate:
         """R, R[train], k[3], k[3][train], k[2,5]."""
         entry = _entry(self.parameter, self.index)
         return entry if self.recording is None else f"{entry}[{self.recording}]"
+
+
+def _told(c: Coordinate) -> str:
+    """R: 0.1 to 10 ohm (log)."""
+    return f"{c.name}: {c.lower:g} to {c.upper:g}{f' {c.unit}' if c.unit else ''}{' (log)' if c.log else ''}"
+
+
+def _few(words: Sequence[str], most: int = 12) -> str:
+    """Words with commas; the first few and a count where there are many."""
+    return ", ".join([*words[:most], *([f"{len(words) - most} more"] if len(words) > most else [])]) or "none"
 
 
 def _entry(name: str, index: tuple[int, ...]) -> str:
@@ -132,6 +144,14 @@ class Space:
         for i, c in enumerate(self.coordinates):
             self._place.setdefault((c.parameter, c.recording), i)
 
+    def __repr__(self) -> str:
+        held = [f"{n} = {p.value:g}" if _is_number(p.value) else n for n, p in self.parameters.items() if p.value is not None]
+        tied = [f"{n} = {p.tied}" for n, p in self.parameters.items() if p.tied is not None]
+        others = f"held: {_few(held)}; tied: {_few(tied)}"
+        of = f", with values of their own for {_few(self.recordings)}" if any(c.recording for c in self.coordinates) else ""
+        count = f"{self.dimension} free coordinate{'s' * (self.dimension != 1)}"
+        return f"Space of {count}{of}\n  {_few([_told(c) for c in self.coordinates])}\n  {others}"
+
     @property
     def start(self) -> np.ndarray | None:
         """The guess as a cube point (d,), the middle where none is given; None without any guess.
@@ -153,6 +173,7 @@ class Space:
 
     @property
     def dimension(self) -> int:
+        """How many coordinates there are, d."""
         return len(self.coordinates)
 
     def _coordinates(self) -> Iterator[Coordinate]:
@@ -177,7 +198,7 @@ class Space:
             raise SpaceError(f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes.")
 
     def root(self, name: str) -> str:
-        """The parameter whose value this one takes: itself unless it is tied."""
+        """The parameter whose value this one takes: itself unless it is tied. Raises SpaceError for ties in a circle or to nothing."""
         seen = [name]
         while (target := self.parameters[seen[-1]].tied) is not None:
             if target not in self.parameters:
@@ -230,7 +251,10 @@ class Space:
         return np.where(self.log, (np.log(safe) - np.log(low)) / ratio, linear)
 
     def tree(self, values: Any, recording: str | None = None) -> dict[str, Any]:
-        """Values (d,) to a mapping from every parameter (fixed and tied ones too) to its scalar or array."""
+        """Values (d,) in their units to a mapping from every parameter (fixed and tied ones too) to its scalar or array.
+
+        Raises SpaceError for a recording that a parameter has no value for.
+        """
         return {name: self._of(self.root(name), values, recording) for name in self.parameters}
 
     def _of(self, name: str, values: Any, recording: str | None) -> Any:
@@ -244,7 +268,7 @@ class Space:
         return values[first : first + math.prod(p.shape)].reshape(p.shape) if p.shape else values[first]
 
     def vector(self, named: Mapping[str, float]) -> np.ndarray:
-        """Named values (coordinate names) to a vector (d,); the inverse of dict(zip(names, values))."""
+        """Named values (coordinate names, in their units) to a vector (d,); SpaceError for one that is missing."""
         missing = [n for n in self.names if n not in named]
         if missing:
             raise SpaceError(f"No value for parameter {missing[0]!r}; needed are {list(self.names)}.")

@@ -83,7 +83,7 @@ def stored_answer(number: int | None, store: str):
     opened = Store.open(store, create=False)
     record = _record(opened, number, store)
     study = _study(record)
-    return study, _answer(study, opened, record.id, store, {})
+    return study, _answer(study, opened, record.id, {})
 
 
 def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None) -> None:
@@ -96,7 +96,7 @@ def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, worker
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.seconds, "search": searched}
-        said.append(_deliver(_answer(one.study, opened, number, store, seconds, one.problem), place, one.study.name, json, len(chosen) > 1))
+        said.append(_deliver(_answer(one.study, opened, number, seconds, one.problem), place, one.study.name, json, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
 
@@ -107,36 +107,10 @@ def _saved(records, store: str) -> str:
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
-def _answer(study, opened, number: int, store: str, seconds, problem=None):
-    """The answer of a stored study; `problem` is that of the study where it is prepared already."""
-    import numpy as np
+def _answer(study, opened, number: int, seconds, problem=None):
+    from plantfit.reopen import answer_of
 
-    from plantfit.fitting import Answer, finish, prepare
-    from plantfit.optimize.contract import RunResult
-
-    problem = problem or prepare(study.problem)
-    results = [
-        RunResult(
-            r.method,
-            r.run,
-            r.seed,
-            np.asarray(r.x),
-            r.cost,
-            r.evaluations,
-            r.seconds,
-            r.status,
-            r.history_evaluations,
-            r.history_cost,
-            r.failures,
-            dict(r.extra),
-        )
-        for r in opened.runs(number)
-    ]
-    if not results:
-        raise StoreError(f"Study {number} in {shown(store)} has no finished run yet; go on with `plantfit resume {number}`.")
-    problem, results = finish(problem, results)
-    command = f"plantfit run {study.path.name}"
-    return Answer(problem, results, study.plan.seed, study.text, command, seconds, study.errors, study.draws)
+    return answer_of(opened, opened.study(number), study, seconds, problem)
 
 
 def _deliver(answer, place: Path, name: str, json: bool, several: bool = False) -> dict[str, Any]:
@@ -181,11 +155,9 @@ def _differs(path: Path, text: str) -> bool:
 
 
 def _study(record):
-    from plantfit import spec as specs
+    from plantfit.reopen import study_of
 
-    if not record.spec_text:
-        raise StoreError(f"Study {record.id} was made from Python without a study file; use its script to go on.")
-    path = Path(record.spec_path or file_name(record.name, "toml"))
-    if _differs(path, record.spec_text):
-        warn(f"{path.name} has changed since study {record.id} was started; the stored wording is used.")
-    return specs.parse(record.spec_text, path)
+    study = study_of(record, file_name(record.name, "toml"))
+    if _differs(study.path, record.spec_text):
+        warn(f"{study.path.name} has changed since study {record.id} was started; the stored wording is used.")
+    return study

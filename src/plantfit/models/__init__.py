@@ -1,4 +1,10 @@
-"""Models: the contract, equations as text, and the library."""
+"""Models: the contract, equations as text, and the library, listed and made as `plantfit.methods` does it.
+
+models.names()                       ("dc_motor", "drive", ...)
+models.listing()                     a record of each: name, sentence, source, options
+models.describe("dc_motor")          the same of one with its signals and parameters, as text; also of a model
+models.make("dc_motor", tied=True)   a model
+"""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +18,7 @@ if TYPE_CHECKING:
     from plantfit.models.events import Backlash, Event, Friction, StateDelay
     from plantfit.models.friction import coulomb, lugre, stribeck, viscous
     from plantfit.models.hammerstein_wiener import hammerstein_wiener
-    from plantfit.models.library import make, models
+    from plantfit.models.library import listing, make, models, names
     from plantfit.models.model import Declared, Delay, Model
     from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
     from plantfit.models.process import first_order, second_order
@@ -40,12 +46,14 @@ __all__ = [
     "equations",
     "first_order",
     "hammerstein_wiener",
+    "listing",
     "lookup",
     "lookup2",
     "lugre",
     "make",
     "models",
     "motor_torque",
+    "names",
     "pendubot",
     "pendubot_regression",
     "quantize",
@@ -69,7 +77,7 @@ names_of(
         "events": "Backlash Event Friction StateDelay",
         "friction": "coulomb lugre stribeck viscous",
         "hammerstein_wiener": "hammerstein_wiener",
-        "library": "make models",
+        "library": "listing make models names",
         "model": "Declared Delay Model",
         "pendubot": "motor_torque pendubot pendubot_regression",
         "process": "first_order second_order",

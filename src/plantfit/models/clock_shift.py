@@ -6,6 +6,7 @@ from typing import Any
 
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model
+from plantfit.models.remade import remade
 
 
 def shift_name(signal: str) -> str:
@@ -13,6 +14,7 @@ def shift_name(signal: str) -> str:
     return f"clock_shift_{signal}"
 
 
+@remade
 def with_clock_shift(model: Model, shifts: Mapping[str, tuple[float, float]]) -> Model:
     """The model whose input `name` acts clock_shift_name seconds later than it was recorded, between bounds (low, high) s that may be
     negative: a dead time without the sign of one, with its exact derivative.

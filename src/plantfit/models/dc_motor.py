@@ -2,6 +2,7 @@
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.models.model import Declared, Delay, Model, Named
+from plantfit.models.remade import remade
 
 # isort: split
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 _DELAYED = "V_delayed"
 
 
+@remade
 def dc_motor(
     current_output: bool = False,
     tied: bool = False,

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from plantfit.models import library
 from plantfit.models.model import Declared, Model
 from plantfit.models.regression import LinearModel
 
@@ -10,8 +11,17 @@ Row = tuple[str, str, str, str, str]
 _HEAD: Row = ("kind", "name", "unit", "range", "meaning")
 
 
-def describe(model: Model | LinearModel) -> str:
-    """States, inputs, outputs and parameters of a model, one a line under a head; ends without a newline."""
+def describe(model: str | Model | LinearModel) -> str:
+    """States, inputs, outputs and parameters of a model, one a line under a head; ends without a newline.
+
+    Of a name the library model with its source and options before them; raises ModelError for an unknown one.
+    """
+    if isinstance(model, str):
+        return f"{library.listed(model).describe()}\n\n{_table(library.make(model))}"
+    return _table(model)
+
+
+def _table(model: Model | LinearModel) -> str:
     rows = [_HEAD, *_rows(model)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(_HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

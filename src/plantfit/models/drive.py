@@ -8,6 +8,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.models.model import Declared, Model, Named
 from plantfit.models.regression import LinearModel
+from plantfit.models.remade import remade
 
 # isort: split
 import jax.numpy as jnp
@@ -22,6 +23,7 @@ _PARAMETERS = (
 )
 
 
+@remade
 def drive(velocity_output: bool = False, smooth_width: float = 1e-3) -> Model:
     """Mass moved by a force against friction.
 
@@ -59,6 +61,7 @@ def drive(velocity_output: bool = False, smooth_width: float = 1e-3) -> Model:
     )
 
 
+@remade
 def drive_regression() -> LinearModel:
     """Force of a drive as a linear regression.
 

@@ -15,6 +15,7 @@ from plantfit.models.functions import FUNCTIONS, SPECIAL
 from plantfit.models.hybrid_text import Hybrid
 from plantfit.models.model import Model, Named
 from plantfit.models.parse import Statement, parse, parse_expression
+from plantfit.models.remade import remade
 from plantfit.models.suggest import suggest
 from plantfit.models.tables import Table
 from plantfit.models.unit_check import UnitChecker, unit_of
@@ -25,6 +26,7 @@ import jax.numpy as jnp
 TIME = "t"
 
 
+@remade
 def equations(
     text: str,
     *,

@@ -6,6 +6,7 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.linear_block import BLOCKS
 from plantfit.models.model import Declared, Delay, Model, Named
+from plantfit.models.remade import remade
 from plantfit.models.static_ends import Curve, dead_zone, free_table, identity, pinned_table, polynomial, saturation
 from plantfit.models.suggest import suggest
 from plantfit.models.table_text import read_nodes
@@ -22,6 +23,7 @@ _OUTPUTS = ("none", "polynomial", "table")
 _MOST_ORDER, _MOST_DEGREE = 3, 9
 
 
+@remade
 def hammerstein_wiener(
     input_curve: Literal["none", "saturation", "dead_zone", "table"] = "table",
     order: int = 2,

@@ -2,10 +2,12 @@
 
 import inspect
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal
 
 from plantfit.errors import ModelError
+from plantfit.listing import Listed, Option
 from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.models.suggest import suggest
@@ -45,7 +47,28 @@ def models() -> dict[str, Factory]:
     return {name: factory(name) for name in _PLACES}
 
 
-def make(name: str, **options: Any) -> Model | LinearModel:
+def listing() -> tuple[Listed, ...]:
+    """A record of every model: name, sentence, source, options, and how it is made."""
+    return tuple(listed(name) for name in _PLACES)
+
+
+def listed(name: str) -> Listed:
+    """The record of one model. Raises ModelError for an unknown name."""
+    function = factory(name)
+    model, known = function(), inspect.signature(function).parameters.values()
+    options = tuple(Option(o.name, o.default, values=_values(o.annotation)) for o in known)
+    return Listed(name, model.sentence, model.source, options, partial(make, name))
+
+
+def _values(annotation: Any) -> str:
+    """The words that an option may be, of its annotation; else its kind."""
+    words = getattr(annotation, "__args__", ()) if getattr(annotation, "__origin__", None) is Literal else ()
+    if words:
+        return ", ".join(map(str, words))
+    return annotation.__name__ if isinstance(annotation, type) else str(annotation)
+
+
+def make(name: str, /, **options: Any) -> Model | LinearModel:
     """A model by name with its options. Raises ModelError for an unknown name or option."""
     function = factory(name)
     known = tuple(inspect.signature(function).parameters)

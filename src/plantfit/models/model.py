@@ -7,6 +7,7 @@ from typing import Any, Literal
 from plantfit.errors import ModelError
 from plantfit.models.check_model import check_declared
 from plantfit.models.events import Backlash, Event, Friction, StateDelay
+from plantfit.models.remade import reduced
 from plantfit.models.tables import Table
 
 Named = Mapping[str, Any]
@@ -58,7 +59,8 @@ class Model:
     forces of `frictions` out and gives 0 for the states of `backlashes`. `tables` say over which
     operating points the parameters with a shape are.
 
-    Units are strings for `plantfit.units`; None means unknown and is not checked.
+    Units are strings for `plantfit.units`; None means unknown and is not checked. Raises ModelError for declarations that contradict
+    each other.
     """
 
     name: str
@@ -79,6 +81,9 @@ class Model:
     source: str = ""
     text: str | None = field(default=None, compare=False)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduced(self)
+
     def __post_init__(self) -> None:
         names = [*self.states, *self.inputs, *self.outputs, *(p.name for p in self.parameters)]
         twice = sorted({n for n in names if names.count(n) > 1} - (set(self.states) & set(self.outputs)))
@@ -94,7 +99,7 @@ class Model:
         return not (self.events or self.frictions or self.backlashes or self.state_delays)
 
     def declared(self, name: str) -> Declared:
-        """The declaration of one parameter."""
+        """The declaration of one parameter. Raises ModelError for an unknown name."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter

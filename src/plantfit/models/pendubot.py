@@ -12,6 +12,7 @@ from plantfit.models.joint_friction import JointFriction, Sign
 from plantfit.models.model import Declared, Model, Named
 from plantfit.models.pendubot_terms import Angles, Arm, Parameters, check_choice
 from plantfit.models.regression import LinearModel
+from plantfit.models.remade import remade
 
 # isort: split
 import jax.numpy as jnp
@@ -35,6 +36,7 @@ def motor_torque(V: Any, omega: Any, kt: Any = 0.0724, ke: Any = 0.0724, Ra: Any
     return kt / Ra * V - kt * ke / Ra * omega
 
 
+@remade
 def pendubot(
     parameters: Parameters = "physical",
     angles: Angles = "horizontal",
@@ -117,6 +119,7 @@ def pendubot(
     )
 
 
+@remade
 def pendubot_regression(
     parameters: Parameters = "physical",
     angles: Angles = "horizontal",

@@ -6,6 +6,7 @@ from typing import Literal
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
+from plantfit.models.remade import remade
 
 Initial = Literal["measured", "free"]
 
@@ -13,6 +14,7 @@ _DELAYED = "u_delayed"
 _SOURCE = "Seborg, Edgar, Mellichamp, Doyle, Process Dynamics and Control, chapters 5 and 6"
 
 
+@remade
 def first_order(
     dead_time: bool = True,
     offset: bool = True,
@@ -58,6 +60,7 @@ def first_order(
     )
 
 
+@remade
 def second_order(
     dead_time: bool = True,
     offset: bool = True,

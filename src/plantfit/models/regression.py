@@ -8,6 +8,7 @@ import numpy as np
 
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Named
+from plantfit.models.remade import reduced
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,9 @@ class LinearModel:
     base: Callable[[Named], Named] | None = None
     sentence: str = ""
     source: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduced(self)
 
     def __post_init__(self) -> None:
         if not self.outputs:

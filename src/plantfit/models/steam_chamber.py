@@ -6,6 +6,7 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
 from plantfit.models.quotient import quotient
+from plantfit.models.remade import remade
 from plantfit.models.table_text import read_nodes
 from plantfit.models.tables import Table
 
@@ -16,6 +17,7 @@ _DELAYED = "u_delayed"
 _NODES = {"from": 0, "to": 20, "count": 10}
 
 
+@remade
 def steam_chamber(
     nodes: Any = None,
     opening_nodes: Any = None,

@@ -6,6 +6,7 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
 from plantfit.models.process import gain_unit, optional_parameters
+from plantfit.models.remade import remade
 from plantfit.models.table_text import read_nodes
 from plantfit.models.tables import Table
 
@@ -13,6 +14,7 @@ _DELAYED = "u_delayed"
 _NODES = {"from": 0, "to": 100, "count": 6}
 
 
+@remade
 def tabled_first_order(
     over: Literal["u", "y"] = "u",
     nodes: Any = None,

@@ -102,7 +102,10 @@ def _moved(end: float, old: np.ndarray, new: np.ndarray) -> float:
 
 
 def split(recording: Recording, share: float, skip: float = 0.0) -> Experiment:
-    """The first `share` of the samples for the fit, the rest unseen; simulated in one go, so that the state carries over."""
+    """The first `share` of the samples for the fit, the rest unseen; simulated in one go, so that the state carries over.
+
+    `skip` seconds at the start of each part are not scored. Raises RecordingError for a share that leaves a part empty.
+    """
     if not 0.0 < share < 1.0:
         raise RecordingError(f"split = {share:g}; give the share of the recording that is fitted, between 0 and 1, for example 0.7.")
     count = round(share * len(recording))

@@ -7,6 +7,7 @@ import numpy as np
 
 from plantfit.errors import RecordingError
 from plantfit.models.regression import LinearModel
+from plantfit.models.remade import remade
 from plantfit.problem.experiment import in_units
 from plantfit.recording.butterworth import smooth
 from plantfit.recording.record import Recording, Signal
@@ -55,6 +56,7 @@ def _filtered(model: LinearModel, recording: Recording, cutoff: float, order: in
     return Recording(recording.t[kept], signals, recording.name, (*recording.log, sentence))
 
 
+@remade
 def _of_columns(model: LinearModel) -> LinearModel:
     """The same regression where the columns themselves are the signals."""
 

@@ -1,10 +1,10 @@
 """Recordings, a model and a space as one pure function: from a point of the unit cube to residuals."""
 
-import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,16 +20,30 @@ from plantfit.problem.experiment import Experiment, before_in_units, in_units
 from plantfit.problem.experiment import split as split_recording
 from plantfit.problem.mixed import Mixed
 from plantfit.problem.parameters import space_of
-from plantfit.problem.predictor import predictor_of
+from plantfit.problem.predictor import Predictor, predictor_of
 from plantfit.problem.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.problem.smoothing import Smoothed, Smoothing
+from plantfit.problem.told import problem_text
 from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
 from plantfit.simulate.simulator import Drive, Simulator
+from plantfit.simulate.vector import vectorise
 from plantfit.space import Space
 
 import jax
 import jax.numpy as jnp
+
+_OF_DATA = ("data", "arguments", "unsmoothed")  # made when first asked for
+_PREPARED = ("_full", "_index", "_measured", "_fit_drive")  # made by `_prepare`
+
+
+class StudyFile(NamedTuple):
+    """The study file that a problem was read from: its wording, where it lies, and the errors of instruments and refits that it states."""
+
+    text: str
+    path: Path
+    errors: tuple[Any, ...] = ()
+    draws: int | None = None
 
 
 class Problem:
@@ -51,7 +65,13 @@ class Problem:
     `standard_errors` "robust" allows for residuals that are correlated in time and of different sizes; "classical" takes them as
     independent and of one size, as textbooks on regression do. By default a model without time (no states, no delays) has classical
     ones, for its rows are not samples, and every other model robust ones.
+
+    `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed copy. A problem
+    can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and SimulationError for what contradicts
+    itself.
     """
+
+    study_file: StudyFile | None = None
 
     def __init__(
         self,
@@ -82,7 +102,8 @@ class Problem:
         self.model, self.name, self.standard_errors = model, name, standard_errors
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
-        self.experiments = _experiments(recordings, split, skip, validate, before or {}, self.predictor.needs, initial_time)
+        self.begins = dict(before or {}), initial_time  # of every recording that does not say its own
+        self.experiments = _experiments(recordings, split, skip, validate, *self.begins, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
         self.mesh: Mapping[str, np.ndarray] = {}  # by recording, the times (s) beside samples at which steps end; see problem/mesh.py
@@ -105,7 +126,7 @@ class Problem:
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)
-        longest = self._longest()
+        longest = self.longest_delays()
         self._full = {n: self.predictor.drive(e, longest=longest, mesh=self.mesh.get(n)) for n, e in self.experiments.items()}
         self._index, self._measured, self._fit_drive = {}, {}, {}
         for name, experiment in self.experiments.items():
@@ -126,7 +147,7 @@ class Problem:
                     f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part."
                 )
 
-    def _longest(self) -> dict[str, float]:
+    def longest_delays(self) -> dict[str, float]:
         """The largest value of every parameter that delays a state."""
         late = getattr(self.model, "state_delays", ())
         return {d.parameter: self.space.range(d.parameter)[1] for d in late}
@@ -163,14 +184,27 @@ class Problem:
 
     def _variant(self, **changes: Any) -> "Problem":
         """A copy with other attributes, made of nothing that depends on them; compiled functions are kept."""
-        other = copy.copy(self)
-        for name in ("data", "arguments", "unsmoothed"):
-            other.__dict__.pop(name, None)
-        other.__dict__.update(changes)
+        other = object.__new__(type(self))
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in (*_OF_DATA, "study_file")} | changes)
         return other
 
+    def __repr__(self) -> str:
+        return problem_text(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = {k: v for k, v in self.__dict__.items() if k not in (*_OF_DATA, *_PREPARED, "predictor", "_compiled")}
+        simulator = self.predictor.simulator
+        steps = None if simulator is None else (simulator.stepper, simulator.substeps, simulator.interpolated)
+        return {**kept, "steps": steps}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        steps = state.pop("steps")
+        self.__dict__.update(state, _compiled={})
+        self.predictor = Predictor(self.model, None if steps is None else Simulator(vectorise(self.model), *steps))
+        self._prepare()
+
     def with_scales(self, scales: Mapping[str, float], source: ScaleSource = GIVEN) -> "Problem":
-        """The same problem with other scales of some outputs, chosen by `source`; compiled functions are kept."""
+        """The same problem with other scales of some outputs (in their units), chosen by `source`; compiled functions are kept."""
         sources = {**self.scale_sources, **dict.fromkeys(scales, source)}
         return self._variant(scales={**self.scales, **scales}, scale_sources=sources)
 
@@ -417,6 +451,7 @@ class Problem:
 
     @cached_property
     def gradient_charge(self) -> float:
+        """Evaluations that one gradient is charged."""
         return 3.0
 
     @property
@@ -431,15 +466,21 @@ class Problem:
     # -- at an answer -----------------------------------------------------------------------------
 
     def predict(self, values: Any, name: str | None = None) -> dict[str, np.ndarray]:
-        """Every output over a whole recording, fitted or not, at parameter values (d,) in their units."""
+        """Every output (n,), in its unit, over a whole recording (by default the first), fitted or not, at values (d,) in their units.
+
+        Raises RecordingError for a name that is none of the recordings.
+        """
         name = name or next(iter(self.experiments))
         if name not in self.experiments:
             raise RecordingError(f"There is no recording {name!r}; there are {list(self.experiments)}.")
-        p = self.space.tree(np.asarray(values), name)
+        return self.outputs_over(name, self.space.tree(np.asarray(values), name))
+
+    def outputs_over(self, name: str, p: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Every output (n,) over the whole recording `name` at named parameter values, as `Space.tree` gives them."""
         return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self._full[name]).items()}
 
 
-def _experiments(recordings, split, skip, validate, before, needs, initial_time=None) -> dict[str, Experiment]:
+def _experiments(recordings, split, skip, validate, before, initial_time, needs) -> dict[str, Experiment]:
     if isinstance(recordings, Recording | Experiment):
         inner = recordings.recording if isinstance(recordings, Experiment) else recordings
         recordings = {inner.name: recordings}

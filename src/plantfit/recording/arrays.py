@@ -4,7 +4,7 @@ import os
 import zipfile
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Any, Unpack, overload
 
 import numpy as np
 import polars as pl
@@ -17,19 +17,85 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.recording.tried import check
 
 
+@overload
+def from_arrays(arrays: Mapping[str, Any], /, **options: Unpack[Options]) -> Recording: ...
+
+
+@overload
 def from_arrays(
     t: Any = None,
+    /,
     *,
     signals: Mapping[str, Any],
     period: float | None = None,
     name: str = "recording",
     sort: bool = False,
     duplicates: Any = None,
+) -> Recording: ...
+
+
+def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:
+    """A recording from arrays (n,) in memory: name -> array, or a pair (array, unit), or a `Signal`.
+
+    `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised by its name, or
+    `period` gives the seconds between samples; `signals` maps own names to names of `arrays`, or lists some of them, left out all are
+    signals; `units` by own name; `time_unit`, `sort`, `duplicates`, `name`.
+
+    As in earlier programs, `from_arrays(t, signals={"u": u, "w": (w, "rad/s")})` takes times (n,) in seconds, or None and a `period`,
+    and the arrays themselves as `signals`. Raises RecordingError and UnitError.
+    """
+    if isinstance(arrays, Mapping):
+        return _named_arrays(arrays, options)
+    return _times_and_signals(**({"t": arrays} | options))
+
+
+def _named_arrays(arrays: Mapping[str, Any], options: Any) -> Recording:
+    name, wanted = options.get("name") or "recording", options.get("signals")
+    if isinstance(wanted, Mapping):
+        wrong = [key for key, column in wanted.items() if not isinstance(column, str | int | np.integer)]
+        if wrong:
+            raise RecordingError(
+                f"Recording {name!r}: signals gives {wrong[0]!r} an array, but names an array here; put it among the arrays, as in "
+                f"from_arrays({{'t': t, {wrong[0]!r}: ...}})."
+            )
+    found = {str(key): _with_unit(value) for key, value in arrays.items()}
+    vectors = {key: _cells(values, key, name) for key, (values, _) in found.items()}
+    lengths = {key: len(v) for key, v in vectors.items()}
+    if len(set(lengths.values())) > 1:
+        raise RecordingError(f"Recording {name!r}: lengths differ, {lengths}; cut them to one length.")
+    columns = named_columns(vectors, [pl.Series(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()])
+    table = Table(name, columns, log=("From arrays in memory.",))
+    return assemble(table, **{**options, "name": name})
+
+
+def _cells(values: Any, key: str, source: str) -> np.ndarray:
+    """Numbers, or dates and durations, which may be times."""
+    array = np.asarray(values)
+    return array if array.dtype.kind in "mM" and array.ndim == 1 else _vector(values, f"array {key!r}", source)
+
+
+def _with_unit(value: Any) -> tuple[Any, str | None]:
+    return (value.values, value.unit) if isinstance(value, Signal) else value if _has_unit(value) else (value, None)
+
+
+def _times_and_signals(
+    t: Any = None,
+    *,
+    signals: Mapping[str, Any] | None = None,
+    period: float | None = None,
+    name: str = "recording",
+    sort: bool = False,
+    duplicates: Any = None,
+    **others: Any,
 ) -> Recording:
-    """A recording from arrays (n,): times `t` in seconds or a `period`, and name -> array or (array, unit) or Signal."""
+    new = "from_arrays({'t': t, 'u': u}, signals={'u': 'u'})"
+    if others:
+        raise RecordingError(f"Recording {name!r}: {next(iter(others))!r} is for named arrays; write {new}.")
+    if not isinstance(signals, Mapping) or any(isinstance(v, str) for v in signals.values()):
+        raise RecordingError(f"Recording {name!r}: beside times, signals are arrays by name; to choose among named arrays, write {new}.")
     arrays: dict[str, tuple[np.ndarray, str | None]] = {}
     for key, value in signals.items():
-        values, unit = (value.values, value.unit) if isinstance(value, Signal) else value if _has_unit(value) else (value, None)
+        values, unit = _with_unit(value)
         arrays[key] = (_vector(values, f"signal {key!r}", name), unit)
     if (t is None) == (period is None):
         raise RecordingError(f"Recording {name!r}: give either the times t or a period.")
@@ -50,12 +116,15 @@ def from_arrays(
 
 
 def read_mat(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
-    """A recording from a MATLAB file up to version 7; fields of structures by dotted name ("run.speed")."""
+    """A recording from a MATLAB file up to version 7; fields of structures by dotted name ("run.speed").
+
+    `options` as for `read_csv`. Raises RecordingError and UnitError.
+    """
     return assemble(mat_table(path, options.get("time")), **options)
 
 
 def read_npz(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
-    """A recording from a NumPy archive of named arrays; `options` as for `read_csv`."""
+    """A recording from a NumPy archive of named arrays; `options` as for `read_csv`. Raises RecordingError and UnitError."""
     return assemble(npz_table(path, options.get("time")), **options)
 
 

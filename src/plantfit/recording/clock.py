@@ -29,9 +29,14 @@ def looks_like_time(cell: str) -> bool:
     return bool(re.match(r"\d{4}-\d\d-\d\d", cell)) and _timestamp(cell) is not None
 
 
+def is_time_name(name: str) -> bool:
+    """Whether a column of this name is taken as time."""
+    return _NAMES.match(name) is not None
+
+
 def guess_time(table: Table) -> Column | None:
     """The column that a reader would take as time: by its name, by its cells, or the first of a file without header."""
-    named = [c for c in table.columns if _NAMES.match(c.name)]
+    named = [c for c in table.columns if is_time_name(c.name)]
     if named:
         return named[0]
     for column in table.columns:

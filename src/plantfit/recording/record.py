@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from plantfit.errors import RecordingError
+from plantfit.recording.told import recording_text
 
 
 @dataclass(frozen=True)
@@ -16,12 +18,13 @@ class Signal:
     unit: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Signals sampled together at times `t` (n,) in seconds, strictly increasing.
 
     `log` tells every step from the file to these values, one sentence each.
-    The arrays are copies and read-only; every cleaning step returns a new recording.
+    The arrays are copies and read-only; every cleaning step returns a new recording. Raises RecordingError for times that do not
+    increase and signals of other lengths.
     """
 
     t: np.ndarray
@@ -56,6 +59,12 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __repr__(self) -> str:
+        return recording_text(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Recording, (self.t, dict(self.signals), self.name, self.log)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of a signal."""

@@ -9,7 +9,8 @@ import polars as pl
 
 from plantfit.errors import MissingExtra, RecordingError
 from plantfit.recording.assemble import Options, assemble
-from plantfit.recording.columns import Table, named_columns
+from plantfit.recording.clock import is_time_name
+from plantfit.recording.columns import Column, Table, named_columns
 from plantfit.recording.files import existing
 from plantfit.recording.grid import headings, is_header, unique, unit_row
 from plantfit.recording.record import Recording
@@ -17,7 +18,7 @@ from plantfit.recording.tried import check
 
 
 def read_parquet(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
-    """A recording from a Parquet file; `options` as for `read_csv`."""
+    """A recording from a Parquet file; `options` as for `read_csv`. Raises RecordingError and UnitError."""
     return assemble(parquet_table(path), **options)
 
 
@@ -30,8 +31,12 @@ def read_xlsx(path: str | os.PathLike[str], *, sheet: str | int = 0, **options: 
 
 
 def from_frame(frame: Any, **options: Unpack[Options]) -> Recording:
-    """A recording from a polars or pandas data frame; `options` as for `read_csv`."""
-    return assemble(frame_table(frame, "data frame"), **options)
+    """A recording from a polars or pandas data frame; `options` as for `read_csv`.
+
+    The index of a pandas frame is a column like the others where it can be the time: it holds dates or durations, has a name such as
+    "t" or "time [ms]", or the name that `time` gives. Raises RecordingError and UnitError.
+    """
+    return assemble(frame_table(frame, "data frame", options.get("time")), **options)
 
 
 def parquet_table(path: str | os.PathLike[str]) -> Table:
@@ -45,17 +50,28 @@ def parquet_table(path: str | os.PathLike[str]) -> Table:
     return frame_table(frame, file.name)
 
 
-def frame_table(frame: Any, source: str) -> Table:
-    """The columns of a data frame: `frame.columns` and `frame[name].to_numpy()` are all that is asked of it."""
+def frame_table(frame: Any, source: str, time: str | int | None = None) -> Table:
+    """The columns of a data frame, of which only `columns`, `[name].to_numpy()` and, if there is one, `index` are asked."""
     if not isinstance(frame, pl.DataFrame):
         if not hasattr(frame, "columns") or not hasattr(frame, "__getitem__"):
             raise RecordingError(f"A {type(frame).__name__} is no data frame; give a polars or pandas frame, or use from_arrays.")
-        cells = []
-        for name in frame.columns:
-            array = np.asarray(frame[name].to_numpy())
-            cells.append(pl.Series(str(name), array.tolist() if array.dtype == object else array, strict=False))
-        return Table(source, named_columns([str(name) for name in frame.columns], cells), log=(f"Read from {source}.",))
+        arrays = {str(name): np.asarray(frame[name].to_numpy()) for name in frame.columns}
+        cells = [pl.Series(name, a.tolist() if a.dtype == object else a, strict=False) for name, a in arrays.items()]
+        columns = (*named_columns(arrays, cells), *_index(frame, time, list(arrays)))  # numbers of columns stay
+        return Table(source, columns, log=(f"Read from {source}.",))
     return Table(source, named_columns(frame.columns, frame.get_columns()), log=(f"Read from {source}.",))
+
+
+def _index(frame: Any, time: str | int | None, taken: list[str]) -> tuple[Column, ...]:
+    """The index of a pandas frame as a column, where it can be the time."""
+    index = getattr(frame, "index", None)
+    if index is None or callable(index) or not hasattr(index, "to_numpy"):
+        return ()
+    array, name = np.asarray(index.to_numpy()), str(getattr(index, "name", None) or "t")
+    named = getattr(index, "name", None) is not None
+    (column,) = named_columns([name], [pl.Series(name, array.tolist() if array.dtype == object else array, strict=False)])
+    can_be = column.cells.dtype.is_temporal() or (named and (str(time) in (name, column.name) or is_time_name(column.name)))
+    return (column,) if can_be and name not in taken else ()
 
 
 def xlsx_table(path: str | os.PathLike[str], *, sheet: str | int = 0) -> Table:

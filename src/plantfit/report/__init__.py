@@ -7,10 +7,14 @@ from plantfit.lazy import names_of
 if TYPE_CHECKING:
     from plantfit.report.comparison import render_comparison, write_comparison
     from plantfit.report.html import render_html, write_report
+    from plantfit.report.notebook import answer_html
+    from plantfit.report.plot import fit_plot
     from plantfit.report.text import budgets_text, summary_text, uncertainty_text
 
 __all__ = [
+    "answer_html",
     "budgets_text",
+    "fit_plot",
     "render_comparison",
     "render_html",
     "summary_text",
@@ -24,6 +28,8 @@ names_of(
     {
         "comparison": "render_comparison write_comparison",
         "html": "render_html write_report",
+        "notebook": "answer_html",
+        "plot": "fit_plot",
         "text": "budgets_text summary_text uncertainty_text",
     },
 )

@@ -96,18 +96,19 @@ def render_page(template: str, context: Mapping[str, Any]) -> str:
     """A template with everything that its page needs inside."""
     from plotly.offline import get_plotlyjs  # 5 MB, read only when a report is made
 
-    environment = jinja2.Environment(loader=jinja2.FunctionLoader(_template), autoescape=True, undefined=jinja2.StrictUndefined)
+    environment = jinja2.Environment(loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     return environment.get_template(template).render(
         context,
-        style=Markup(_template("style.css")),
+        style=Markup(template_text("style.css")),
         plotly=Markup(get_plotlyjs()),
-        draw=Markup(_template("draw.js")),
+        draw=Markup(template_text("draw.js")),
         config=embedded(CONFIG),
     )
 
 
-def _template(name: str) -> str:
+def template_text(name: str) -> str:
+    """A file of the folder templates."""
     return resources.files("plantfit.report").joinpath("templates", name).read_text(encoding="utf-8")
 
 

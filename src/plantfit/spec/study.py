@@ -13,6 +13,7 @@ from plantfit.models.model import Model
 from plantfit.models.regression import LinearModel
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
+from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
 from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import experiment_of
@@ -61,6 +62,7 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
         )
         check_problem(problem, table, path)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
+    problem.study_file = StudyFile(text, path, errors, table.propagation.draws)
     return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
 
 

@@ -50,7 +50,7 @@ class Store:
 
     @classmethod
     def open(cls, place: str | os.PathLike[str], *, create: bool = True, busy_timeout: float = 30.0) -> "Store":
-        """Open a file (made if `create`) or a PostgreSQL URL, waiting up to `busy_timeout` s for locks."""
+        """Open a file (made if `create`) or a PostgreSQL URL, waiting up to `busy_timeout` s for locks. Raises StoreError."""
         store = cls(*connect(place, busy_timeout, create))
         with store._read() as connection:
             newest = current_version(connection, store.name) == VERSION
@@ -94,7 +94,7 @@ class Store:
             return [self._study(connection, row) for row in connection.execute(select(tables.study).order_by(tables.study.c.id))]
 
     def study(self, study_id: int) -> StudyRecord:
-        """One study."""
+        """One study. Raises StoreError if there is none of this number."""
         with self._read() as connection:
             return self._study(connection, self._row(connection, study_id))
 
@@ -132,7 +132,7 @@ class Store:
     # runs
 
     def runs(self, study_id: int) -> list[RunRecord]:
-        """Finished runs, in the order of the plan's methods, then by run."""
+        """Finished runs, in the order of the plan's methods, then by run. Raises StoreError if there is no such study."""
         with self._read() as connection:
             return self._runs(connection, self._row(connection, study_id))
 

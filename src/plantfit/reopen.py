@@ -1,0 +1,102 @@
+"""A stored study as an `Answer`: its problem made anew, its runs brought to their end on it."""
+
+import difflib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import plantfit.runtime  # noqa: F401
+from plantfit import spec
+from plantfit.errors import StoreError
+from plantfit.fitting import Answer, finish, prepare, stored_runs
+from plantfit.optimize.contract import RunResult
+from plantfit.problem.problem import Problem
+from plantfit.study.addresses import shown
+from plantfit.study.objective import objective_of
+from plantfit.study.probe import check_same, probe
+from plantfit.study.records import StudyRecord
+from plantfit.study.store import Store
+from plantfit.trust.shared_error import SharedError
+
+PLACE, VARIABLE = "plantfit.db", "PLANTFIT_STORE"  # as the commands have them
+
+
+def open_study(
+    study: str | int,
+    store: Store | str | os.PathLike[str] | None = None,
+    *,
+    problem: Problem | None = None,
+    errors: Sequence[SharedError] | None = None,
+    draws: int | None = None,
+) -> Answer:
+    """The answer of a stored study: the same values, findings and predictions as when it was fitted.
+
+    `study` is a name, of which the newest study is taken, or a number. `store` is a file, an address or a Store; by default the
+    environment variable PLANTFIT_STORE, else plantfit.db. The problem is made anew from the study file that the store keeps and the
+    recordings beside the place where that file lay. Of a problem that was written in Python the store has nothing but its runs: give
+    the same `problem` again, and its cost is compared with that of the day. `errors` and `draws` are by default those of the study file.
+
+    A study with runs that are not finished gives the answer of those that are. Raises StoreError for a store, a name or a number that
+    is not there, for a study without finished runs and for another problem, RecordingError for recordings that are gone.
+    """
+    opened = store if isinstance(store, Store) else Store.open(os.environ.get(VARIABLE, PLACE) if store is None else store, create=False)
+    record = _found(opened, study)
+    runs = stored_runs(opened, record.id)  # what is not finished is said before any work
+    read = study_of(record) if problem is None else None
+    prepared = prepare(problem if read is None else read.problem)  # type: ignore[arg-type]
+    check_same(opened.probe(record.id), probe(objective_of(prepared), prepared.space.physical), record.id)
+    file = read.problem.study_file if problem is None else problem.study_file  # type: ignore[union-attr]
+    stated = (errors or (), draws) if file is None or errors is not None else (file.errors, file.draws if draws is None else draws)
+    return _answer(record, prepared, runs, file and file.text, _command(record, read) if read else "", stated, {})
+
+
+def study_of(record: StudyRecord, path: str | Path = "study.toml") -> spec.Study:
+    """The study file of a stored study; `path` is where it lies if the store does not say.
+
+    Raises StoreError where the study was begun from Python, and the errors of `spec.parse`.
+    """
+    if not record.spec_text:
+        raise StoreError(
+            f"Study {record.id} ({record.name}) was made from Python without a study file; use its script to go on, or open it with "
+            f"pf.open_study({record.id}, problem=...)."
+        )
+    return spec.parse(record.spec_text, record.spec_path or path)
+
+
+def answer_of(store: Store, record: StudyRecord, study: spec.Study, seconds: Mapping[str, float], problem: Problem | None = None) -> Answer:
+    """The answer of a study that was begun from a study file, whose `problem` may be prepared already.
+
+    Raises StoreError where no run is finished.
+    """
+    runs, stated = stored_runs(store, record.id), (study.errors, study.draws)
+    return _answer(record, problem or prepare(study.problem), runs, study.text, _command(record, study), stated, seconds)
+
+
+def _answer(
+    record: StudyRecord, problem: Problem, runs: Sequence[RunResult], text: str | None, command: str,
+    stated: tuple[Sequence[SharedError], int | None], seconds: Mapping[str, float],
+) -> Answer:  # fmt: skip
+    final, results = finish(problem, runs)
+    return Answer(final, results, int(record.plan["seed"]), text, command, dict(seconds), tuple(stated[0]), stated[1])
+
+
+def _command(record: StudyRecord, study: spec.Study) -> str:
+    """What repeats the study, if its plan is that of its file: one that was begun from Python may have another."""
+    planned = study.plan.record()
+    same = all(record.plan.get(key) == planned[key] for key in ("methods", "runs", "budget", "seed", "settings"))
+    return f"plantfit run {study.path.name}" if same else ""
+
+
+def _found(store: Store, study: str | int) -> StudyRecord:
+    if not isinstance(study, str):
+        return store.study(study)
+    records = store.studies()
+    own = [r for r in records if r.name == study]
+    if own:
+        return own[-1]
+    names = list(dict.fromkeys(r.name for r in records))
+    if not names:
+        raise StoreError(f"{shown(store.name)} holds no study yet; start one with `plantfit run STUDY.toml` or pf.fit(problem, store=...).")
+    near = difflib.get_close_matches(study, names, 3, 0.5)
+    hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"it has {', '.join(map(repr, names[-8:]))}."
+    raise StoreError(f"{shown(store.name)} holds no study {study!r}; {hint}")
