@@ -174,9 +174,18 @@ def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, m
     empty, _, told = _loaded(_UNITS)
     assert "True" in empty, told
     assert [float(word) for word in empty - {"True"}] == pytest.approx([1000.0] * (len(empty) - 1))
-    kept = sorted(file for file in (tmp_path / "cache").glob("pint-*/*") if file.is_file())
+    kept = sorted((tmp_path / "cache").glob("pint-*/definitions/*.pickle"))
     assert kept
     assert _loaded(_UNITS)[0] == empty
-    for file in kept:
-        file.write_bytes(b"damaged")
-    assert _loaded(_UNITS)[0] == empty
+    for damaged in (b"damaged", b""):
+        for file in kept:
+            file.write_bytes(damaged)
+        assert _loaded(_UNITS)[0] == empty
+        assert [file.read_bytes() for file in sorted(kept)] != [damaged] * len(kept)  # made anew
+    one = max(kept, key=lambda file: file.stat().st_size)
+    for place in (200, one.stat().st_size // 2):  # a flipped bit may be a number that loads
+        content = bytearray(one.read_bytes())
+        content[place] ^= 1
+        one.write_bytes(content)
+        assert _loaded(_UNITS)[0] == empty
+    assert [folder.name for folder in (tmp_path / "cache").glob("pint-*/*")] == ["definitions"]  # nothing is left beside them
