@@ -88,7 +88,7 @@ def fit(
                 "A store keeps a method by its name, so that other processes can go on with it; give method='cmaes' and settings={...}, "
                 "or leave store out."
             )
-        plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings or {})})
+        plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings)} if settings else {})
         results = _kept(store, plan, problem, objective, None if file is None else (file.text, str(file.path.resolve())), progress, stop)
         spec = spec if file is None else file.text
     searched = time.perf_counter()

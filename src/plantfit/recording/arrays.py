@@ -11,7 +11,7 @@ import polars as pl
 
 from plantfit.errors import RecordingError
 from plantfit.recording.assemble import Options, assemble
-from plantfit.recording.columns import Column, Table, named_columns
+from plantfit.recording.columns import Column, Table, cells_of, named_columns
 from plantfit.recording.files import existing
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.tried import check
@@ -63,7 +63,7 @@ def _named_arrays(arrays: Mapping[str, Any], options: Any) -> Recording:
     lengths = {key: len(v) for key, v in vectors.items()}
     if len(set(lengths.values())) > 1:
         raise RecordingError(f"Recording {name!r}: lengths differ, {lengths}; cut them to one length.")
-    columns = named_columns(vectors, [pl.Series(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()])
+    columns = named_columns(vectors, [cells_of(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()])
     table = Table(name, columns, log=("From arrays in memory.",))
     return assemble(table, **{**options, "name": name})
 
@@ -196,5 +196,5 @@ def _array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int 
     samples = len(vectors[time]) if isinstance(time, str) and time in vectors else max(long, key=lambda n: (long[n], n))
     left_out |= {key: f"it has {len(v)} values where the others have {samples}" for key, v in vectors.items() if len(v) != samples}
     kept = {key: vector for key, vector in vectors.items() if len(vector) == samples}
-    cells = [pl.Series(key, np.ascontiguousarray(v.astype(v.dtype.newbyteorder("=")))) for key, v in kept.items()]
+    cells = [cells_of(key, np.ascontiguousarray(v.astype(v.dtype.newbyteorder("=")))) for key, v in kept.items()]
     return Table(source, named_columns(kept, cells), log=(f"Read from {source}.",), left_out=left_out)

@@ -98,6 +98,13 @@ def identifier(name: str) -> str:
     return f"{clean}_" if keyword.iskeyword(clean) else clean
 
 
+def cells_of(name: str, array: np.ndarray) -> pl.Series:
+    """An array (n,) as cells; dates and durations of any resolution, objects as they are read one by one."""
+    if array.dtype.kind in "mM" and np.datetime_data(array.dtype)[0] not in ("ms", "us", "ns"):
+        array = array.astype(f"{array.dtype.kind}8[us]")
+    return pl.Series(name, array.tolist() if array.dtype == object else array, strict=False)
+
+
 def named_columns(headers: Iterable[str], cells: Iterable[pl.Series], units: Iterable[str | None] | None = None) -> tuple[Column, ...]:
     """Columns from header texts; a unit row, where there is one, wins over nothing but an absent bracket."""
     headers, cells = list(headers), list(cells)

@@ -10,7 +10,7 @@ import polars as pl
 from plantfit.errors import MissingExtra, RecordingError
 from plantfit.recording.assemble import Options, assemble
 from plantfit.recording.clock import is_time_name
-from plantfit.recording.columns import Column, Table, named_columns
+from plantfit.recording.columns import Column, Table, cells_of, named_columns
 from plantfit.recording.files import existing
 from plantfit.recording.grid import headings, is_header, unique, unit_row
 from plantfit.recording.record import Recording
@@ -56,7 +56,7 @@ def frame_table(frame: Any, source: str, time: str | int | None = None) -> Table
         if not hasattr(frame, "columns") or not hasattr(frame, "__getitem__"):
             raise RecordingError(f"A {type(frame).__name__} is no data frame; give a polars or pandas frame, or use from_arrays.")
         arrays = {str(name): np.asarray(frame[name].to_numpy()) for name in frame.columns}
-        cells = [pl.Series(name, a.tolist() if a.dtype == object else a, strict=False) for name, a in arrays.items()]
+        cells = [cells_of(name, array) for name, array in arrays.items()]
         columns = (*named_columns(arrays, cells), *_index(frame, time, list(arrays)))  # numbers of columns stay
         return Table(source, columns, log=(f"Read from {source}.",))
     return Table(source, named_columns(frame.columns, frame.get_columns()), log=(f"Read from {source}.",))
@@ -69,7 +69,7 @@ def _index(frame: Any, time: str | int | None, taken: list[str]) -> tuple[Column
         return ()
     array, name = np.asarray(index.to_numpy()), str(getattr(index, "name", None) or "t")
     named = getattr(index, "name", None) is not None
-    (column,) = named_columns([name], [pl.Series(name, array.tolist() if array.dtype == object else array, strict=False)])
+    (column,) = named_columns([name], [cells_of(name, array)])
     can_be = column.cells.dtype.is_temporal() or (named and (str(time) in (name, column.name) or is_time_name(column.name)))
     return (column,) if can_be and name not in taken else ()
 
