@@ -30,6 +30,7 @@ MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of
 MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
 EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
 ROUNDS = 4  # of choosing steps at one answer
+STILL, ROUNDED = 1e-3, 1e-9  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
 LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
 OFTEN = 0.1  # jumps a sample from which on the slope by a dead time is looked at
 DELAY_SHARE = 1e-5  # of its range, by which a dead time is moved to see a slope
@@ -101,7 +102,13 @@ def _dense(problem: Problem) -> bool:
 
 
 def _all_spreads(problem: Problem) -> dict[str, float]:
-    return {o: max(float(np.std(np.concatenate(_measured(problem, o)))), 1e-300) for o in problem.outputs}
+    return {o: _spread(np.concatenate(_measured(problem, o)), problem.scales[o]) for o in problem.outputs}
+
+
+def _spread(y: np.ndarray, scale: float) -> float:
+    """The standard deviation of a measured output; of one that never moves a thousandth of its level, or its scale where that is zero."""
+    level = float(np.max(np.abs(y), initial=0.0))
+    return next((v for v in (float(np.std(y)) if len(y) else 0.0, STILL * level) if v > ROUNDED * level), scale)
 
 
 def _measured(problem: Problem, output: str) -> list[np.ndarray]:
@@ -175,9 +182,8 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
 
 def least(problem: Problem) -> float:
     """A step error that is small enough whatever the residuals are (rms of scaled outputs)."""
-    return LEAST * float(
-        np.sqrt(np.mean([np.var(y) / problem.scales[o] ** 2 for o in problem.outputs for y in _measured(problem, o) if len(y)]))
-    )
+    spreads = [(_spread(y, problem.scales[o]) / problem.scales[o]) ** 2 for o in problem.outputs for y in _measured(problem, o) if len(y)]
+    return LEAST * float(np.sqrt(np.mean(spreads)))
 
 
 def _count(problem: Problem) -> int:
@@ -193,13 +199,12 @@ def _scaled_error(problem: Problem, z: np.ndarray) -> float:
 
 def _step_error(problem: Problem, z: np.ndarray) -> float:
     spread = [
-        np.full(len(y), max(float(np.std(y)), 1e-300) / problem.scales[output])
+        np.full(len(y), _spread(y, problem.scales[output]) / problem.scales[output])
         for name in problem.data["drive"]
         for output in problem.outputs
         if len(y := problem.data["measured"][name][output])
     ]
-    with np.errstate(over="ignore"):  # outputs that never move have no spread
-        return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
+    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
 
 
 def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
