@@ -5,18 +5,32 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
+    from plantfit.spec.in_combinations import Rewritten, in_combinations
     from plantfit.spec.reading import load, parse
     from plantfit.spec.recordings import CLEANING, read_recording, recording_file
     from plantfit.spec.study import Study, model_of
     from plantfit.spec.tables import SpecTable, validated
 
-__all__ = ["CLEANING", "SpecTable", "Study", "load", "model_of", "parse", "read_recording", "recording_file", "validated"]
+__all__ = [
+    "CLEANING",
+    "Rewritten",
+    "SpecTable",
+    "Study",
+    "in_combinations",
+    "load",
+    "model_of",
+    "parse",
+    "read_recording",
+    "recording_file",
+    "validated",
+]
 
 names_of(
     __name__,
     {
-        "reading": "load parse",
+        "in_combinations": "Rewritten in_combinations",
         "recordings": "CLEANING read_recording recording_file",
+        "reading": "load parse",
         "study": "Study model_of",
         "tables": "SpecTable validated",
     },
