@@ -65,7 +65,7 @@ def _scrambled(v: np.ndarray, lower: np.ndarray, powers: np.ndarray) -> np.ndarr
     """Direction numbers (d, bits) whose bits are multiplied by lower triangular matrices (d, bits, bits) modulo 2."""
     bits = (v[:, :, None] & powers[::-1]) != 0  # the highest one first
     product = np.einsum("dpk,djk->djp", lower, bits.astype(np.uint32)) & 1
-    return np.sum(product * powers[::-1], axis=2, dtype=np.uint32)
+    return (product * powers[::-1]).sum(axis=2, dtype=np.uint32)
 
 
 @cache
