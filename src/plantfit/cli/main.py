@@ -170,6 +170,20 @@ def report(study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = 
 
 
 @app.command()
+def combine(
+    study: StudyId = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME-combined.toml if left out.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
+    store: StorePlace = STORE,
+    json: Json = False,
+) -> None:
+    """Write a study file whose parameters are the combinations that the data determine."""
+    from plantfit.cli import combine as command
+
+    command.combine(study, out, force, store, json)
+
+
+@app.command()
 def export(
     study: StudyId = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON, NAME.json unless --out says otherwise; the default.")] = False,

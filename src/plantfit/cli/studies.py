@@ -68,15 +68,21 @@ def listed(store: str, json: bool) -> None:
 
 def report(number: int | None, store: str, place: str | None, json: bool) -> None:
     """The report of a stored study."""
+    study, answer = stored_answer(number, store)
+    (to,) = report_places([study.name], place)
+    said = _deliver(answer, to, study.name, json)
+    if json:
+        print_json(said)
+
+
+def stored_answer(number: int | None, store: str):
+    """A stored study (the newest where no number is given) and its answer."""
     from plantfit.study import Store
 
     opened = Store.open(store, create=False)
     record = _record(opened, number, store)
     study = _study(record)
-    (to,) = report_places([study.name], place)
-    said = _deliver(_answer(study, opened, record.id, {}), to, study.name, json)
-    if json:
-        print_json(said)
+    return study, _answer(study, opened, record.id, {})
 
 
 def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None) -> None:

@@ -16,7 +16,7 @@ ROUGH = 0.25  # standard error over the value from which on something is only ro
 TOGETHER = 4  # parameters of one combination at most
 SUBSETS = 3000  # that are tried at most
 WIDER = 1.2  # times that an interval is wider by measured initial values, from which on it is told
-HEAVY = 0.05  # weight, of the largest, from which on a parameter belongs to a combination
+HEAVY = 0.05  # weight, or weight times reach, of the largest, from which on a parameter belongs to a combination
 POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
 LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
 MANY = 30  # undetermined parameters from which on nothing is named
@@ -121,6 +121,8 @@ def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], rang
     """
     met = [linear.values] + [np.asarray(problem.space.physical(z)) for i in sorted(ranges) for z in ranges[i].points]
     cloud = np.array(met)
+    moved = np.max(np.abs(cloud - linear.values), axis=0) / linear.size  # one that is small at the answer may be large elsewhere
+    reach = np.maximum(moved, 1.0)[loose]
     spread = linear.spread[np.ix_(loose, loose)]
     wanted = int(np.sum(np.linalg.eigvalsh(spread) <= ROUGH**2))
     kept: list[Combination] = []
@@ -131,7 +133,9 @@ def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], rang
         block = spread[np.ix_(subset, subset)]
         values, vectors = np.linalg.eigh(block)
         weights = vectors[:, 0]
-        if values[0] > ROUGH**2 or (len(subset) > 1 and values[1] <= ROUGH**2) or np.min(np.abs(weights)) < HEAVY * np.max(np.abs(weights)):
+        if values[0] > ROUGH**2 or (len(subset) > 1 and values[1] <= ROUGH**2):
+            continue
+        if max(_evenness(weights), _evenness(weights * reach[list(subset)])) < HEAVY:
             continue
         found = _named(linear, cloud, [loose[k] for k in subset], weights, block)
         if found is None:
@@ -142,6 +146,10 @@ def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], rang
             directions = np.vstack([directions, direction])
             kept.append(found)
     return kept
+
+
+def _evenness(weights: np.ndarray) -> float:
+    return float(np.min(np.abs(weights)) / np.max(np.abs(weights)))
 
 
 def _subsets(n: int) -> Iterator[tuple[int, ...]]:
@@ -161,14 +169,14 @@ def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: 
     at = list(places)
     if np.any(linear.values[at] == 0.0) or np.any(cloud[:, at] * linear.values[at] <= 0.0):
         return None
-    powers = weights * np.abs(linear.values[at]) / linear.size[at]
+    powers = weights * linear.values[at] / linear.size[at]
     powers = powers / powers[np.argmax(np.abs(powers))]
     least = float(weights @ block @ weights) / float(weights @ weights)
     for unit in (1.0, 2.0, 3.0, 0.5, 1.5):
         trial = np.array([_nearest(p * unit) for p in powers])
         if np.any(trial == 0.0) or not np.any(np.abs(trial) == 1.0):
             continue
-        own = trial * linear.size[at] / np.abs(linear.values[at])
+        own = trial * linear.size[at] / linear.values[at]
         variance = float(own @ block @ own)
         if variance / float(own @ own) > max(LOOSE**2 * least, (0.04 * ROUGH) ** 2) or np.sqrt(variance) > ROUGH:
             continue

@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -56,55 +55,63 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
             "Check the equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing inputs."
         )
     allowed = max(SHARE * sum(r.evaluations for r in results), STEPS * problem.jacobian_charge)
-    twins, ends, lead, led = _twins(results, order), {}, order[0], []
+    twins = _twins(results, order)
+    firsts = [k for k in order if twins[k] == k]
     refused: dict[int, str] = {}
-    told, kept = "", None
-    while True:
+    led: list[int] = []
+    final: _Final | None = None
+    lead: int | None = order[0]
+    while lead is not None:
         led.append(lead)
-        ended = lead not in ends and results[lead].status is Status.converged
-        final, own = _settled(problem, ends[lead].z if lead in ends else results[lead].x, ended)
-        final, own, said, stopped = _confirmed(final, own)
+        begun = final.ends[lead].z if final and lead in final.ends else None
+        ended = begun is None and results[lead].status is Status.converged
+        made, own, said, stopped = _confirmed(*_settled(problem, results[lead].x if begun is None else begun, ended))
         if stopped:
             refused.update(dict.fromkeys((twins[k] for k in _basin(results, lead)), stopped))
-            rest = _following(order, twins, refused, kept and kept[1])
-            if kept is None and rest and len(led) < LEADS:
-                lead = rest[0]
-                continue
-            if kept is None:  # no answer that was looked at can be followed: the verdict says so
-                ends = _brought(final, {}, {lead: own}, 0.0)
-                break
-            final, ends, told = kept
-            if not rest or rest[0] in led or len(led) >= LEADS:
-                break
-            lead = rest[0]
-            continue
-        points = {k: ends[k].z if k in ends else results[k].x for k in order if twins[k] == k and k not in refused}
-        ends, told = _brought(final, points, {lead: own}, allowed), said
-        kept = final, ends, told
-        best = min(ends, key=lambda k: ends[k].cost)
-        if best in led or len(led) == LEADS or ends[best].cost >= (1 - BETTER) * own.cost - rounding(final):
-            break
-        lead = best
-    if kept is not None:
-        ends = {k: end for k, end in ends.items() if k not in refused}
+            lead = _behind_refused([k for k in firsts if k not in refused], final, led)
+            if lead is None and final is None:  # no answer that was looked at can be followed: the verdict says so
+                final = _Final(made, {led[-1]: own}, "")
+        else:
+            points = {k: final.ends[k].z if final and k in final.ends else results[k].x for k in firsts if k not in refused}
+            final = _Final(made, _brought(made, points, {lead: own}, allowed), said)
+            lead = _better(final, own, led)
+    assert final is not None
+    ends = {k: end for k, end in final.ends.items() if k not in refused} or final.ends
     left = [k for k in order if twins[k] not in ends and twins[k] not in refused]
-    costs = dict(zip(left, np.asarray(final.costs(np.array([results[k].x for k in left]))), strict=True)) if left else {}
+    costs = dict(zip(left, np.asarray(final.problem.costs(np.array([results[k].x for k in left]))), strict=True)) if left else {}
     found = [_result(k, r, twins.get(k), ends, costs, refused) for k, r in enumerate(results)]
     best = min(range(len(found)), key=lambda k: found[k].cost)
-    found[best] = dataclasses.replace(found[best], extra={**found[best].extra, "steps": told}) if told else found[best]
-    return final, found
+    found[best] = dataclasses.replace(found[best], extra={**found[best].extra, "steps": final.told}) if final.told else found[best]
+    return final.problem, found
+
+
+@dataclasses.dataclass(frozen=True)
+class _Final:
+    """A final problem, how searches by run ended on it, and what is to be told of its steps."""
+
+    problem: Problem
+    ends: dict[int, Descent]
+    told: str
+
+
+def _better(final: _Final, own: Descent, led: Sequence[int]) -> int | None:
+    """The run that ended lower on the final problem than the answer it was made at, if it may take the lead."""
+    best = min(final.ends, key=lambda k: final.ends[k].cost)
+    lower = final.ends[best].cost < (1 - BETTER) * own.cost - rounding(final.problem)
+    return best if lower and best not in led and len(led) < LEADS else None
+
+
+def _behind_refused(rest: Sequence[int], final: _Final | None, led: Sequence[int]) -> int | None:
+    """The run of `rest` that takes the lead after one that was refused: the next one in order of what they reached."""
+    if final is not None:
+        rest = sorted((k for k in rest if k in final.ends), key=lambda k: final.ends[k].cost)
+    return rest[0] if rest and rest[0] not in led and len(led) < LEADS else None
 
 
 def _basin(results: Sequence[RunResult], lead: int) -> tuple[int, ...]:
     """The runs of the same basin as this one: their answer is the same."""
     groups = basins(np.array([r.cost for r in results]), np.array([r.x for r in results]))
     return next(g.members for g in groups if lead in g.members)
-
-
-def _following(order: Sequence[int], twins: Mapping[int, int], refused: Mapping[int, str], ends: Any) -> list[int]:
-    """Runs that may take the lead after one that was refused, in order of what they reached."""
-    rest = [k for k in order if twins[k] == k and k not in refused]
-    return rest if ends is None else sorted((k for k in rest if k in ends), key=lambda k: ends[k].cost)
 
 
 def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, str | None]:

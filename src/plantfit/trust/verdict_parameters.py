@@ -61,7 +61,8 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     own = found["combinations"]
     listed = ", ".join(estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own)
     many = "combinations of the others are determined" if len(own) > 1 else "combination of the others is determined"
-    text = f"{len(own)} {many}: {listed} (in the units of the parameters). In all, the data fix {found['count']} of {found['of']} numbers."
+    text = f"{len(own)} {many}: {listed} (in the units of the parameters). In all, the data fix {found['count']} of {found['of']} numbers. "
+    text += "`plantfit combine` writes the study file in these combinations."
     yield say("info", text, combinations=len(own), fixed=found["count"])
 
 
