@@ -114,14 +114,14 @@ def test_a_new_recording_is_predicted_as_the_closed_form_says(heater, step):
     u = np.where((t // 40) % 3 == 0, 20.0, 60.0)
     new = pf.from_arrays({"t": t, "u": (u / 1000, "kW")})  # no T: the model does not begin at one; another unit
     truth = response(t, u, **heater.values)
-    np.testing.assert_allclose(heater.predict(new)["T"], truth, atol=1e-3 * np.std(truth))
+    np.testing.assert_allclose(heater.predict(new)["T"], truth, atol=1e-3 * float(np.std(truth)))
 
 
 def test_one_new_value_of_one_parameter(heater):
     t = np.arange(0.0, 240.0, 2.0)
     r = heated(t)
     truth = response(t, r["u"], **{**heater.values, "tau": 60.0})
-    np.testing.assert_allclose(heater.predict(r, values={"tau": 60.0})["T"], truth, atol=1e-3 * np.std(truth))
+    np.testing.assert_allclose(heater.predict(r, values={"tau": 60.0})["T"], truth, atol=1e-3 * float(np.std(truth)))
     np.testing.assert_array_equal(heater.predict(values=heater.values)["T"], heater.predict()["T"])
 
 

@@ -116,9 +116,9 @@ def test_the_two_ways_are_not_mixed():
     with pytest.raises(RecordingError, match=r"beside times, signals are arrays by name; .* write from_arrays\(\{'t': t"):
         pf.from_arrays(T, signals={"u": "U1"})
     with pytest.raises(RecordingError, match="beside times, signals are arrays by name"):
-        pf.from_arrays(T)
+        pf.from_arrays(T)  # type: ignore[call-overload]
     with pytest.raises(RecordingError, match="'units' is for named arrays"):
-        pf.from_arrays(T, signals={"u": U}, units={"u": "V"})
+        pf.from_arrays(T, signals={"u": U}, units={"u": "V"})  # type: ignore[call-overload]
     with pytest.raises(RecordingError, match="unknown reading option 'unit'"):
         pf.from_arrays({"t": T, "u": U}, unit={"u": "V"})  # type: ignore[call-overload]
 

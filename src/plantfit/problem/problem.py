@@ -200,7 +200,8 @@ class Problem:
     def __setstate__(self, state: dict[str, Any]) -> None:
         steps = state.pop("steps")
         self.__dict__.update(state, _compiled={})
-        self.predictor = Predictor(self.model, None if steps is None else Simulator(vectorise(self.model), *steps))
+        model = self.model
+        self.predictor = Predictor(model, Simulator(vectorise(model), *steps) if isinstance(model, Model) else None)
         self._prepare()
 
     def with_scales(self, scales: Mapping[str, float], source: ScaleSource = GIVEN) -> "Problem":

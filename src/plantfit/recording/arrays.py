@@ -4,7 +4,7 @@ import os
 import zipfile
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any, Unpack, overload
+from typing import Any, Unpack, cast, overload
 
 import numpy as np
 import polars as pl
@@ -24,7 +24,6 @@ def from_arrays(arrays: Mapping[str, Any], /, **options: Unpack[Options]) -> Rec
 @overload
 def from_arrays(
     t: Any = None,
-    /,
     *,
     signals: Mapping[str, Any],
     period: float | None = None,
@@ -45,11 +44,11 @@ def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:
     and the arrays themselves as `signals`. Raises RecordingError and UnitError.
     """
     if isinstance(arrays, Mapping):
-        return _named_arrays(arrays, options)
+        return _named_arrays(arrays, cast(Options, options))
     return _times_and_signals(**({"t": arrays} | options))
 
 
-def _named_arrays(arrays: Mapping[str, Any], options: Any) -> Recording:
+def _named_arrays(arrays: Mapping[str, Any], options: Options) -> Recording:
     name, wanted = options.get("name") or "recording", options.get("signals")
     if isinstance(wanted, Mapping):
         wrong = [key for key, column in wanted.items() if not isinstance(column, str | int | np.integer)]
@@ -65,7 +64,8 @@ def _named_arrays(arrays: Mapping[str, Any], options: Any) -> Recording:
         raise RecordingError(f"Recording {name!r}: lengths differ, {lengths}; cut them to one length.")
     columns = named_columns(vectors, [cells_of(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()])
     table = Table(name, columns, log=("From arrays in memory.",))
-    return assemble(table, **{**options, "name": name})
+    chosen: Options = {**options, "name": name}
+    return assemble(table, **chosen)
 
 
 def _cells(values: Any, key: str, source: str) -> np.ndarray:
