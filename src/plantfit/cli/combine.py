@@ -15,6 +15,8 @@ def combine(number: int | None, place: str | None, force: bool, store: str, json
 
     study, answer = stored_answer(number, store)
     target = Path(place) if place else study.path.with_name(f"{Path(file_name(study.name, 'toml')).stem}-combined.toml")
+    if target.is_relative_to(Path.cwd()):
+        target = target.relative_to(Path.cwd())
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
     new = spec.in_combinations(study, answer.findings)

@@ -33,7 +33,7 @@ def from_arrays(
 ) -> Recording: ...
 
 
-def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:
+def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:  # pyright: ignore[reportInconsistentOverload]
     """A recording from arrays (n,) in memory: name -> array, or a pair (array, unit), or a `Signal`.
 
     `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised by its name, or
