@@ -57,7 +57,8 @@ def at_published(name: str) -> dict[str, Any]:
             seen = np.isfinite(told[o])
             width = max(float(np.ptp(exact)), 1e-12)
             for key, y in ours.items():
-                worst[key] = max(worst[key], float(np.max(np.abs(y[o] - exact))) / width)
+                off = float(np.max(np.abs(y[o] - exact))) / width
+                worst[key] = max(worst[key], off if np.isfinite(off) else np.inf)
             if np.any(seen):
                 worst["published"] = max(worst["published"], float(np.max(np.abs(ours["at the values"][o] - told[o])[seen])) / width)
                 worst["published and tight"] = max(worst["published and tight"], float(np.max(np.abs(exact - told[o])[seen])) / width)

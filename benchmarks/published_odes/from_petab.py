@@ -45,11 +45,12 @@ def converted(folder: Path, name: str, to: Path) -> None:
         for n, v in values.items():
             formula = formula if n in free else re.sub(rf"\b{n}\b", v, formula)
         equations.append(f"y_{o['observableId']} = " + (f"log10({formula})" if o.get("observableTransformation") == "log10" else formula))
+    simulated = {_row(s): s for s in published}  # the two tables need not have one order
     text = [f"# {name} of the collection Benchmark-Models-PEtab (BSD-3-Clause), made by benchmarks/published_odes/from_petab.py"]
     text.append(f'name = "{short}"\n')
     for condition in conditions:
         ident = condition["conditionId"]
-        mine = [(m, s) for m, s in zip(measurements, published, strict=True) if m["simulationConditionId"] == ident]
+        mine = [(m, simulated[_row(m)]) for m in measurements if m["simulationConditionId"] == ident]
         log = {o["observableId"] for o in observables if o.get("observableTransformation") == "log10"}
         constant = {k: f(condition) for k, f in inputs.items()}
         seen = _csv(to / f"{short}_{ident}.csv", own, mine, constant, log)
@@ -74,6 +75,10 @@ def converted(folder: Path, name: str, to: Path) -> None:
 def _table(place: Path, kind: str) -> list[dict[str, str]]:
     with next(iter(place.glob(f"{kind}*.tsv"))).open(encoding="utf-8") as file:
         return list(csv.DictReader(file, delimiter="\t"))
+
+
+def _row(m: dict[str, str]) -> tuple[str, str, float]:
+    return m["observableId"], m["simulationConditionId"], float(m["time"])
 
 
 def _csv(path: Path, outputs, mine, constant, log) -> set[str]:
