@@ -71,7 +71,7 @@ def _bounded():
 
 def _first_order(kind, n=300, dead_time=False):
     def make():
-        from plantfit.models import library
+        from plantfit.models.library import catalogue as library
 
         t = np.arange(n) * 0.1
         u = {"step": np.ones(n), "prbs": _prbs(n, 20, 5), "four": np.repeat([0.2, 0.5, 0.35, 0.8], n // 4 + 1)[:n]}[kind]
@@ -83,7 +83,7 @@ def _first_order(kind, n=300, dead_time=False):
 
 
 def _motor():
-    from plantfit.models import library
+    from plantfit.models.library import catalogue as library
 
     n = 400
     model = library.make("dc_motor")
@@ -129,10 +129,10 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
     from plantfit import Signal
-    from plantfit.trust.descent import descent
-    from plantfit.trust.following import followed_ranges
-    from plantfit.trust.local import linearise
-    from plantfit.trust.parameters import parameter_rows
+    from plantfit.trust.finish.descent import descent
+    from plantfit.trust.intervals.following import followed_ranges
+    from plantfit.trust.intervals.linearised import linearise
+    from plantfit.trust.intervals.parameter_rows import parameter_rows
 
     rig = RIGS[name]
     base = rig.make()

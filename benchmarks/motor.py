@@ -10,9 +10,9 @@ import plantfit.runtime  # noqa: F401
 from benchmarks import data
 from benchmarks.c_twins import c_twin
 from benchmarks.timing import Timing, timed
-from plantfit.models.equations import equations
+from plantfit.models.text.equations import equations
 from plantfit.problem import Problem
-from plantfit.problem.steps import choose_substeps, refined_at
+from plantfit.problem.accuracy.steps import choose_substeps, refined_at
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

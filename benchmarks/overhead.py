@@ -18,7 +18,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Facts, Objective
-from plantfit.optimize.progress import Progress
+from plantfit.optimize.loop.progress import Progress
 from plantfit.optimize.registry import REGISTRY, make
 
 import jax.numpy as jnp

@@ -10,11 +10,11 @@ import plantfit.runtime  # noqa: F401
 from benchmarks import data
 from benchmarks.c_twins import c_twin
 from plantfit.control import Gains, pid, step_observer
-from plantfit.models.equations import equations
+from plantfit.models.text.equations import equations
 from plantfit.optimize import Facts
-from plantfit.optimize.pso import ParticleSwarm
-from plantfit.simulate.closed_loop import closed_loop
-from plantfit.simulate.sensors import Actuator
+from plantfit.optimize.methods.pso import ParticleSwarm
+from plantfit.simulate.loop.closed_loop import closed_loop
+from plantfit.simulate.loop.sensors import Actuator
 
 import jax
 import jax.numpy as jnp

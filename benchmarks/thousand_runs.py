@@ -16,7 +16,7 @@ import plantfit.runtime  # noqa: F401
 from benchmarks import data
 from benchmarks.torque import ITERATIONS, METHODS, PARTICLES, base
 from plantfit.optimize import Objective
-from plantfit.problem.compress import compress, mean_square
+from plantfit.problem.evaluate.compress import compress, mean_square
 from plantfit.report import write_comparison
 from plantfit.study import Plan, Store, begin, helping, resume
 from plantfit.study.comparing.gathering import gather

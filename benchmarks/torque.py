@@ -11,7 +11,7 @@ from benchmarks import data
 from benchmarks.c_twins import c_twin
 from benchmarks.timing import timed
 from plantfit.optimize import Objective, minimise
-from plantfit.problem.compress import compress, mean_square
+from plantfit.problem.evaluate.compress import compress, mean_square
 
 import jax
 import jax.numpy as jnp

@@ -134,8 +134,8 @@ def test_only_cli_prints():
 
 
 def test_the_checks_see_a_wrong_import():
-    known = {"plantfit.simulate", "plantfit.simulate.grid", "plantfit.optimize"}
-    assert imports_of("def f():\n    from plantfit.simulate import grid", known) == [("plantfit.simulate.grid", 2)]
+    known = {"plantfit.simulate", "plantfit.simulate.steps.grid", "plantfit.optimize"}
+    assert imports_of("def f():\n    from plantfit.simulate.steps import grid", known) == [("plantfit.simulate.steps.grid", 2)]
     assert imports_of("from plantfit.optimize import minimise\nimport numpy", known) == [("plantfit.optimize", 1)]
 
 

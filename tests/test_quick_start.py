@@ -110,7 +110,7 @@ def test_names_of_a_lazy_room_are_those_that_editors_see(room):
 
 @pytest.mark.parametrize("room", LAZY)
 def test_a_module_never_hides_the_name_that_it_shares(room):
-    """trust/covariance.py holds the function `covariance`, which the room gives, also after the module was imported."""
+    """trust/intervals/covariance.py holds the function `covariance`, which the room gives, also after the module was imported."""
     code = (
         "import sys\nfrom importlib import import_module\n"
         f"room = import_module('plantfit.{room}')\n"

@@ -9,7 +9,7 @@ from scipy import stats
 
 import plantfit.runtime  # noqa: F401
 from plantfit.study.comparing.pairwise import a12, holm
-from plantfit.study.statistics import expected_running_time
+from plantfit.study.comparing.statistics import expected_running_time
 
 DECADES = 3.0  # evaluations / d from 1 to 1000
 

@@ -18,7 +18,7 @@ from benchmarks.bbob.references import jso_population
 from benchmarks.bbob.suite import LOWER, UPPER, Done, Run, seed_of
 from plantfit.errors import Status
 from plantfit.optimize.contract import Facts, Objective
-from plantfit.optimize.counter import BudgetSpent, Counter
+from plantfit.optimize.loop.counter import BudgetSpent, Counter
 from plantfit.optimize.registry import REGISTRY, make
 
 import jax

@@ -39,8 +39,8 @@ def at_published(name: str) -> dict[str, Any]:
     """Largest errors at the published parameters, as shares of the outputs' ranges."""
     from plantfit import spec
     from plantfit.fitting import prepare
-    from plantfit.problem.steps import steps_for
-    from plantfit.problem.verification import followed
+    from plantfit.problem.accuracy.steps import steps_for
+    from plantfit.problem.accuracy.verification import followed
 
     problem = spec.load(str(STUDIES / f"{name}.toml")).problem
     values = problem.space.vector(published(name))
@@ -68,7 +68,7 @@ def at_published(name: str) -> dict[str, Any]:
 def fitted(name: str, seed: int) -> dict[str, Any]:
     """One fit with default settings from no start; its cost beside that of the tight solver, whole records."""
     from plantfit import fit, spec
-    from plantfit.problem.verification import checked_cost
+    from plantfit.problem.accuracy.verification import checked_cost
 
     began = time.perf_counter()
     answer = fit(spec.load(str(STUDIES / f"{name}.toml")).problem, seed=seed)

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.search_suite import nist, table, truths
 from benchmarks.search_suite.judge import Verdict, judge
 from benchmarks.search_suite.suite import CASES
-from plantfit.problem.affine import affine_coordinates
+from plantfit.problem.linear.affine import affine_coordinates
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:

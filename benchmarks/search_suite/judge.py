@@ -17,7 +17,7 @@ from benchmarks.search_suite.descents import descend
 from benchmarks.search_suite.truths import SAME, Truth
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective, Projected
-from plantfit.optimize.damped_steps import Rows
+from plantfit.optimize.local.damped_steps import Rows
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 

@@ -12,15 +12,15 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, RecordingError
 from plantfit.optimize.contract import RunResult
-from plantfit.problem.experiment import Experiment
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.new_recording import predict_over
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.recording.told import listed
 from plantfit.report import answer_html, fit_plot, summary_text, write_report
 from plantfit.trust.assess import assess
-from plantfit.trust.local import linearise
-from plantfit.trust.shared_error import SharedError
+from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.stated_errors.shared_error import SharedError
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -14,19 +14,19 @@ from plantfit.errors import SearchError, StoreError
 from plantfit.estimate.estimate import Estimate
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Host, Objective, Population, RunResult
+from plantfit.problem.accuracy.steps import choose_substeps
 from plantfit.problem.problem import Problem
-from plantfit.problem.shooting import Shooting
-from plantfit.problem.steps import choose_substeps
-from plantfit.study import runner
-from plantfit.study.addresses import shown
+from plantfit.problem.shooting.start import Shooting
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan, default_budget
-from plantfit.study.store import Store
-from plantfit.trust.descent import gauss_newton as gauss_newton
-from plantfit.trust.finish import finish
-from plantfit.trust.local import linearise
-from plantfit.trust.parameter_uncertainty import check_errors
-from plantfit.trust.shared_error import SharedError
+from plantfit.study.run import runner
+from plantfit.study.store.addresses import shown
+from plantfit.study.store.store import Store
+from plantfit.trust.finish.descent import gauss_newton as gauss_newton
+from plantfit.trust.finish.final_problem import finish
+from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.stated_errors.parameter_uncertainty import check_errors
+from plantfit.trust.stated_errors.shared_error import SharedError
 
 _OF_RUN = tuple(f.name for f in dataclasses.fields(RunResult))
 

@@ -21,7 +21,7 @@ class _Room(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # the import system binds trust/covariance.py as `covariance` to its room, where the function of that name belongs
+        # the import system binds trust/intervals/covariance.py as `covariance` to its room, where the function of that name belongs
         if not (isinstance(value, ModuleType) and name in self.__dict__.get("_places", {})):
             super().__setattr__(name, value)
 

@@ -11,12 +11,12 @@ from plantfit.errors import StoreError
 from plantfit.fitting import Answer, finish, prepare, stored_runs
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
-from plantfit.study.addresses import shown
 from plantfit.study.objective import objective_of
-from plantfit.study.probe import check_same, probe
-from plantfit.study.records import StudyRecord
-from plantfit.study.store import Store
-from plantfit.trust.shared_error import SharedError
+from plantfit.study.run.probe import check_same, probe
+from plantfit.study.store.addresses import shown
+from plantfit.study.store.records import StudyRecord
+from plantfit.study.store.store import Store
+from plantfit.trust.stated_errors.shared_error import SharedError
 
 PLACE, VARIABLE = "plantfit.db", "PLANTFIT_STORE"  # as the commands have them
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from plantfit.fitting import fit
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
-from plantfit.models.regression import LinearModel
 from plantfit.optimize import minimise
 from plantfit.problem import Experiment, Problem
 from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
-from plantfit.trust.local import linearise
+from plantfit.trust.intervals.linearised import linearise
 
 TOGETHER = 25  # records of one problem: all are simulated at once, and no dense matrix grows large
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plantfit.cases import demos
-from plantfit.cases.files import unpack
+from plantfit.cases.shared.files import unpack
 from plantfit.errors import StoreError
 from plantfit.spec import load
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from plantfit.cases.double_pendulum.demo import gather
-from plantfit.cases.double_pendulum.fit_law import fit_law, rmse_of, standard_errors, torque_scores
-from plantfit.cases.double_pendulum.forward import angle_scores, encoder_zeros, published_law, simulated
-from plantfit.cases.double_pendulum.laws import LAWS, PLAIN, PRESLIDING, model_of
+from plantfit.cases.double_pendulum.fits.fit_law import fit_law, rmse_of, standard_errors, torque_scores
+from plantfit.cases.double_pendulum.fits.forward import angle_scores, encoder_zeros, published_law, simulated
+from plantfit.cases.double_pendulum.fits.laws import LAWS, PLAIN, PRESLIDING, model_of
+from plantfit.cases.double_pendulum.fits.runs import Run
 from plantfit.cases.double_pendulum.reference import PUBLISHED, RUNS, published, read_runs, reference_prediction, reference_torque
-from plantfit.cases.double_pendulum.runs import Run
 from plantfit.cases.double_pendulum.sections import PHYSICAL, physical_columns
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.base_parameters import base_parameters
-from plantfit.trust.cross_validation import leave_one_out
+from plantfit.trust.identify.base_parameters import base_parameters
+from plantfit.trust.validate.cross_validation import leave_one_out
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ import pytest
 from interval_coverage import held, scores
 
 import plantfit.recording as rec
-from plantfit.cases.files import unpack
 from plantfit.cases.motor.bench import TRUTH as BOARD_MOTOR
 from plantfit.cases.motor.bench import bench as board
 from plantfit.cases.motor.bench import excitation, rig
 from plantfit.cases.motor.speed_law import BOXES, LAW, coefficients, law_model
 from plantfit.cases.robot.demo import TRUTH as NAMES
 from plantfit.cases.robot.demo import bench as robot_bench
+from plantfit.cases.shared.files import unpack
 from plantfit.problem import Experiment
 from plantfit.recording import to_csv
 from plantfit.rig.dc_motor import ROBOT_MOTOR

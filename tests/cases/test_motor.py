@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 from scipy.signal import ss2tf
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.files import unpack
 from plantfit.cases.motor.bench import PERIOD, TRUTH, bench, rig
 from plantfit.cases.motor.demo import run
 from plantfit.cases.motor.methods import guarded, parts_at
 from plantfit.cases.motor.speed_law import coefficients, fitted_laws
 from plantfit.cases.motor.surrogate import percent, structure, surrogate_speeds, two_errors_record
+from plantfit.cases.shared.files import unpack
 from plantfit.recording import to_csv
 from plantfit.recording.record import Recording
 from plantfit.spec import load, parse

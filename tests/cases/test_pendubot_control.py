@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from plantfit.cases.pendubot.control_section import MOTOR, UPRIGHT, caught, closed, control_section, controllers
-from plantfit.models.pendubot import pendubot
+from plantfit.cases.pendubot.sections.control_section import MOTOR, UPRIGHT, caught, closed, control_section, controllers
+from plantfit.models.library.pendubot import pendubot
 
 TRUTH = {"m1": 0.210, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
 IDENTIFIED = {"b1": 0.00595, "b2": 0.00296, "b4": 0.0412, "b5": 0.0146}  # 1.5 to 3 % off

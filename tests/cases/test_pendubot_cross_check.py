@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.cases.pendubot.cross_check import ForwardFit, cross_check, forward_fit, inverse_fit
-from plantfit.cases.pendubot.cross_check_section import cross_check_section
+from plantfit.cases.pendubot.sections.cross_check_section import cross_check_section
 from plantfit.estimate import Estimate
 from plantfit.report.case_page import render_case_page
 from plantfit.rig import PendubotRig

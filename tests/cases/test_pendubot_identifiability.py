@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from plantfit.cases.pendubot.experiment import NAMES, UprightMoves
-from plantfit.cases.pendubot.experiment_section import estimated, experiment_section
-from plantfit.cases.pendubot.identifiability_section import identifiability_section
-from plantfit.models.pendubot import pendubot_regression
-from plantfit.recording.derivative import differentiate
+from plantfit.cases.pendubot.sections.experiment_section import estimated, experiment_section
+from plantfit.cases.pendubot.sections.identifiability_section import identifiability_section
+from plantfit.models.library.pendubot import pendubot_regression
 from plantfit.recording.record import Recording, Signal
+from plantfit.recording.signals.derivative import differentiate
 from plantfit.report.case_page import render_case_page
 from plantfit.rig import PendubotRig
 from plantfit.rig.trajectories import Move

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from plantfit.cases.files import unpack
-from plantfit.cases.pendubot.paper_section import errata_section, gap_section, record_section, results_section
 from plantfit.cases.pendubot.paper_study import METHODS, paper_study
+from plantfit.cases.pendubot.sections.paper_section import errata_section, gap_section, record_section, results_section
 from plantfit.cases.pendubot.stagnation import explained, stagnation, valley
 from plantfit.cases.pendubot.study_runs import CLOSE, floor_of, method_runs, triangle_of
 from plantfit.cases.pendubot.torque import CALM, torque_record, write_record
-from plantfit.models.pendubot import pendubot_regression
+from plantfit.cases.shared.files import unpack
+from plantfit.models.library.pendubot import pendubot_regression
 from plantfit.problem import Problem
 from plantfit.recording import read
 from plantfit.report.case_page import render_case_page

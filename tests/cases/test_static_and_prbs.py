@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plantfit.cases.files import unpack
 from plantfit.cases.gearmotor.steady import steady_speed
+from plantfit.cases.shared.files import unpack
 from plantfit.spec import load
 
 VALUES = {"strength": 4560.0, "top_speed": 800.0, "threshold": 0.3155, "viscous": 0.075, "dead_time": 0.011}

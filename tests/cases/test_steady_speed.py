@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plantfit.cases.files import unpack
 from plantfit.cases.gearmotor.steady import steady_speed
+from plantfit.cases.shared.files import unpack
 from plantfit.models.model import Model
 from plantfit.simulate import Simulator
 from plantfit.spec import load

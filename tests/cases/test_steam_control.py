@@ -6,10 +6,10 @@ import pytest
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.steam.closed_loop import linear_model
 from plantfit.cases.steam.problems import dynamic_problem
-from plantfit.cases.steam.screening_section import GROUPS, PAPER, screening_section
+from plantfit.cases.steam.sections.screening_section import GROUPS, PAPER, screening_section
 from plantfit.cases.steam.whole_plant import FINE, plants_of, true_plant, whole_plant
 from plantfit.rig.steam_chamber import OPENINGS, SteamChamberRig, simulated, smooth_truth
-from plantfit.simulate.closed_loop import Controller, closed_loop
+from plantfit.simulate.loop.closed_loop import Controller, closed_loop
 
 OPEN = Controller(lambda y, p: (), lambda state, y, reference, p: (state, reference))
 

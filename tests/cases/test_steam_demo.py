@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import minimize
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.beside import Beside
-from plantfit.cases.files import unpack
-from plantfit.cases.registry import demos
+from plantfit.cases.shared.beside import Beside
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.registry import demos
 from plantfit.cases.steam import adaptive_bdf as bdf
 from plantfit.cases.steam.demo import noise_floor
 from plantfit.cases.steam.dynamic_runs import (
@@ -27,8 +27,16 @@ from plantfit.cases.steam.dynamic_runs import (
     summed,
     until,
 )
-from plantfit.cases.steam.dynamic_section import PAPER, Slopes, dynamic_section, readings_section, slope_sentences, table_2, tables_of
 from plantfit.cases.steam.problems import dynamic_problem, opening_costs, total_cost
+from plantfit.cases.steam.sections.dynamic_section import (
+    PAPER,
+    Slopes,
+    dynamic_section,
+    readings_section,
+    slope_sentences,
+    table_2,
+    tables_of,
+)
 from plantfit.errors import SimulationError, Status
 from plantfit.optimize.contract import RunResult
 from plantfit.report.case_page import render_case_page

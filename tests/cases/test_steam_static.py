@@ -8,15 +8,15 @@ from scipy.optimize import least_squares
 from scipy.signal import lsim
 
 from plantfit.cases.steam.problems import opening_costs, static_problem
-from plantfit.cases.steam.static_section import static_section
-from plantfit.cases.steam.static_task import beginning, delay_study, early_dead_times, joint, two_step, two_step_by
-from plantfit.cases.steam.uncertainty_section import (
+from plantfit.cases.steam.sections.static_section import static_section
+from plantfit.cases.steam.sections.uncertainty_section import (
     constant_uncertainty,
     pressure_budget,
     table_uncertainty,
     uncertainty_section,
     zero_left_in,
 )
+from plantfit.cases.steam.static_task import beginning, delay_study, early_dead_times, joint, two_step, two_step_by
 from plantfit.report.case_page import render_case_page
 from plantfit.rig.steam_chamber import SteamChamberRig
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.steam.tables_figures import LOOKS, visits_figure
-from plantfit.cases.steam.tables_section import SURFACE, tables_section
+from plantfit.cases.steam.sections.tables_figures import LOOKS, visits_figure
+from plantfit.cases.steam.sections.tables_section import SURFACE, tables_section
 from plantfit.report.case_page import render_case_page
 from plantfit.rig.steam_chamber import TABLES, SteamChamberRig
 

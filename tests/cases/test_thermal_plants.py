@@ -6,12 +6,12 @@ import pytest
 from plantfit.cases import demos
 from plantfit.cases.exchanger.demo import after_steps
 from plantfit.cases.exchanger.sections import settled
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, residual, rms
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, residual, rms
 from plantfit.recording.record import Recording, Signal
 from plantfit.spec import load
-from plantfit.trust.dead_time import dead_time
-from plantfit.trust.level_responses import level_responses
+from plantfit.trust.validate.dead_time import dead_time
+from plantfit.trust.validate.level_responses import level_responses
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from cli_call import call
 
-import plantfit.cli.catalogue as catalogue
-from plantfit.cli.failures import shortened
+import plantfit.cli.commands.catalogue as catalogue
+from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitWarning, SearchError
 
 

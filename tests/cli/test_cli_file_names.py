@@ -9,7 +9,7 @@ from cli_call import call, heater
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from plantfit.cli.file_names import file_name, report_places
+from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.errors import SearchError, StoreError
 from plantfit.report.html import is_report, write_page
 from plantfit.study import Store

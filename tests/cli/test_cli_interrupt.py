@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from plantfit.cli.interrupts import SENTENCE, stoppable, watched
+from plantfit.cli.terminal.interrupts import SENTENCE, stoppable, watched
 
 
 @pytest.mark.parametrize("command", [("demo", "gearmotor"), ("methods",)], ids=" ".join)
@@ -17,7 +17,7 @@ def test_a_stopped_command_says_so(command, tmp_path):
     if command[0] == "demo":
         wait = "print('ready', flush=True); run_cli()"
     else:  # the signal comes while the command runs, wherever that is
-        wait = "import plantfit.cli.catalogue as c; c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
+        wait = "import plantfit.cli.commands.catalogue as c; c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}; {wait}"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -54,7 +54,8 @@ def compute():  # an exception that a callback raises is lost, as in parts of ja
 
 
 def started(code, tmp_path, command="methods"):
-    begin = f"import sys; sys.argv = ['plantfit', {command!r}]\nimport plantfit.cli.catalogue as c\nc.methods = lambda *given: work()\n"
+    begin = f"import sys; sys.argv = ['plantfit', {command!r}]\n"
+    begin += "import plantfit.cli.commands.catalogue as c\nc.methods = lambda *given: work()\n"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}{code}\nfrom plantfit.cli.start import run\nrun()"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -75,7 +76,7 @@ def test_ctrl_c_before_the_search_ends_whatever_runs(code, tmp_path):
 
 
 IN_A_PART = """
-from plantfit.cli.interrupts import stoppable
+from plantfit.cli.terminal.interrupts import stoppable
 def work():
     with stoppable("Stopping.", lambda: "Ended; go on with X.") as stop:
         compute()
@@ -121,7 +122,7 @@ def compute():
 
 def test_a_machine_is_left_in_a_safe_state(tmp_path):
     code = """
-from plantfit.cli.interrupts import stoppable
+from plantfit.cli.terminal.interrupts import stoppable
 def work():
     import time
     try:

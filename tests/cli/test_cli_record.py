@@ -21,7 +21,7 @@ from cli_call import call
 sys.path.append(str(Path(__file__).resolve().parents[1] / "rig"))
 from firmware_host import build, read_truth, running  # pyright: ignore[reportMissingImports]
 
-from plantfit.cli.live_plot import Traces, headline, sparkline
+from plantfit.cli.terminal.live_plot import Traces, headline, sparkline
 from plantfit.recording import Recording, Signal, read_csv, to_csv
 from plantfit.recording.excitation import prbs
 from plantfit.rig.board import link, recorder
@@ -242,5 +242,5 @@ def test_sparklines_and_traces():
 
 
 def test_recording_loads_no_jax():
-    code = "import sys, plantfit.cli.record, plantfit.rig.board; sys.exit('jax' in sys.modules)"
+    code = "import sys, plantfit.cli.commands.record, plantfit.rig.board; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

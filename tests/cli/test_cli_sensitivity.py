@@ -7,7 +7,7 @@ import pytest
 from cli_call import call, heater
 
 from plantfit import load
-from plantfit.problem.steps import choose_substeps
+from plantfit.problem.accuracy.steps import choose_substeps
 from plantfit.trust import morris, sobol_indices
 
 AT = ["--set", "K=0.8", "--set", "T0=21", "--set", "tau=40", "--set", "L=3.4"]
@@ -63,14 +63,14 @@ def test_bad_input_is_one_sentence(folder, capsys, monkeypatch, words, code, sai
 
 
 def test_without_salib_the_package_is_named_before_anything_is_read(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("plantfit.trust.salib_extra.find_spec", lambda name: None)
+    monkeypatch.setattr("plantfit.trust.sensitivity.salib_extra.find_spec", lambda name: None)
     said = call(capsys, monkeypatch, "sensitivity", str(tmp_path / "none.toml"), "--box")
     assert (said.code, said.out) == (11, "")
     assert said.err == "plantfit: Sensitivity needs the package SALib; install it with: pip install 'plantfit[trust]'\n"
 
 
 def test_the_steam_demo_says_what_is_left_out_without_salib():
-    from plantfit.cases.steam.screening_section import TITLE, not_screened
+    from plantfit.cases.steam.sections.screening_section import TITLE, not_screened
     from plantfit.report.case_page import render_case_page
 
     page = render_case_page({"title": "x", "sections": [not_screened()]})

@@ -98,7 +98,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, capsys, monkeypatch):
 
 
 def test_progress_without_a_terminal_is_plain_lines(folder, capsys, monkeypatch):
-    monkeypatch.setattr("plantfit.cli.out.LOG_EVERY", 0.0)
+    monkeypatch.setattr("plantfit.cli.terminal.out.LOG_EVERY", 0.0)
     said = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia")
     assert said.code == 0, said.err
     assert re.search(r"^\d+ s: .*evaluations, .*left at most$", said.err, re.MULTILINE), said.err

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plantfit.simulate.closed_loop import Controller
+from plantfit.simulate.loop.closed_loop import Controller
 
 import jax
 import jax.numpy as jnp

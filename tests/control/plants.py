@@ -3,8 +3,8 @@
 import numpy as np
 
 from plantfit.control import LinearPlant, linearised
-from plantfit.models.equations import equations
 from plantfit.models.model import Model
+from plantfit.models.text.equations import equations
 
 PERIOD = 0.02
 

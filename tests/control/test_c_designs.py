@@ -12,8 +12,8 @@ from test_takagi_sugeno import leaning
 
 from plantfit.control import Gains, design_to_c, kalman_observer, kalman_to_c, linearised, lqr, mpc, pid_to_c, takagi_sugeno
 from plantfit.errors import SimulationError
-from plantfit.simulate.closed_loop import closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
 import jax.numpy as jnp

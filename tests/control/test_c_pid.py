@@ -9,8 +9,8 @@ from plants import STICK, straight
 
 from plantfit.control import Gains, pid, pid_to_c
 from plantfit.errors import SimulationError
-from plantfit.simulate.closed_loop import closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
 import jax.numpy as jnp

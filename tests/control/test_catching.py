@@ -8,8 +8,8 @@ from plants import PERIOD, STICK, stick, upright
 
 from plantfit.control import kalman_observer, largest_initial_angle, linearised, lqr
 from plantfit.errors import SimulationError
-from plantfit.models.equations import equations
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.models.text.equations import equations
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 RUNAWAY = equations("x' = 2*x + k*u", inputs=["u"], states=["x"], outputs=["x"], parameters={"k": None}, name="runaway")
 

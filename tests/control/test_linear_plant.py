@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 from plantfit.control import discretised, equilibrium, linearised
 from plantfit.errors import SimulationError
-from plantfit.models.equations import equations
-from plantfit.models.pendubot import pendubot
+from plantfit.models.library.pendubot import pendubot
+from plantfit.models.text.equations import equations
 
 G, L1 = 9.81, 0.15
 ARM = {"b1": 0.005, "b2": 0.003, "b4": 0.04, "b5": 0.015, "kt": 0.07, "ke": 0.08, "Ra": 3.0}

@@ -8,9 +8,9 @@ from scipy.linalg import expm
 
 import control
 from plantfit.control import discretised, kalman_observer, linearised, lqr, mpc, pid_per_output
-from plantfit.control.kalman import sampled_noise
+from plantfit.control.linear.kalman import sampled_noise
 from plantfit.errors import SimulationError
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 
 def test_gains_equal_python_control():

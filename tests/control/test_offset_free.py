@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear
 import plantfit.runtime  # noqa: F401
 from plantfit.control import LinearPlant, offset_free_mpc, with_dead_time
 from plantfit.errors import SimulationError
-from plantfit.models.equations import equations
-from plantfit.simulate.closed_loop import closed_loop
+from plantfit.models.text.equations import equations
+from plantfit.simulate.loop.closed_loop import closed_loop
 
 import jax.numpy as jnp
 

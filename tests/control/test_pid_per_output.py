@@ -6,7 +6,7 @@ from plants import CARTS, PERIOD, STICK, carts, stick, straight, upright
 
 from plantfit.control import Gains, linearised, pid_per_output
 from plantfit.errors import SimulationError
-from plantfit.models.pendubot import pendubot
+from plantfit.models.library.pendubot import pendubot
 
 ARM = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077, "kt": 0.0724, "ke": 0.0724, "Ra": 2.983}
 

@@ -18,8 +18,8 @@ from plantfit.control import (
     step_metrics,
 )
 from plantfit.errors import SearchError, SimulationError
-from plantfit.models.equations import equations
-from plantfit.simulate.closed_loop import closed_loop
+from plantfit.models.text.equations import equations
+from plantfit.simulate.loop.closed_loop import closed_loop
 from plantfit.space import Parameter
 
 PERIOD = 0.1

@@ -5,8 +5,8 @@ import pytest
 from plants import PERIOD, STICK, stick, upright
 
 from plantfit.control import discretised, kalman_observer, linearised, lqr, takagi_sugeno
-from plantfit.control.lqr import regulator
-from plantfit.control.takagi_sugeno import memberships
+from plantfit.control.linear.lqr import regulator
+from plantfit.control.linear.takagi_sugeno import memberships
 from plantfit.errors import SimulationError
 
 import jax.numpy as jnp

@@ -5,10 +5,10 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import kalman_observer, linearised, lqr
-from plantfit.control.kalman import measured_states
-from plantfit.control.torque_drive import through_motor
+from plantfit.control.linear.kalman import measured_states
+from plantfit.control.linear.torque_drive import through_motor
 from plantfit.errors import SimulationError
-from plantfit.models.pendubot import pendubot
+from plantfit.models.library.pendubot import pendubot
 
 import jax.numpy as jnp
 

@@ -9,7 +9,7 @@ import pytest
 from plantfit import Problem
 from plantfit.errors import RecordingError, SpaceError
 from plantfit.estimate import Noise, kalman_filter, nees, nees_test, nis_test, ukf
-from plantfit.estimate.consistency import chi_squared_test
+from plantfit.estimate.filters.consistency import chi_squared_test
 
 RUNS = 60
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 from plantfit.errors import RecordingError, SimulationError
 from plantfit.estimate import InverseDynamics
-from plantfit.models.pendubot import motor_torque, pendubot_regression
+from plantfit.models.library.pendubot import motor_torque, pendubot_regression
 from plantfit.rig import PendubotRig
 
 RIG = PendubotRig()

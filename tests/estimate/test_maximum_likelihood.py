@@ -7,9 +7,9 @@ import pytest
 from plantfit import Problem
 from plantfit.errors import SearchError, SpaceError
 from plantfit.estimate import Noise, compare_estimates, ekf, maximum_likelihood, nis_test
-from plantfit.estimate.filter_step import linearised
-from plantfit.estimate.likelihood import Innovations
-from plantfit.estimate.maximum_likelihood import maximised
+from plantfit.estimate.filters.filter_step import linearised
+from plantfit.estimate.filters.likelihood import Innovations
+from plantfit.estimate.filters.maximum_likelihood import maximised
 
 FREE = Noise(
     {n: (v / 12, v * 7) for n, v in plants.PROCESS.items()}, {n: (v / 7, v * 12) for n, v in plants.MEASUREMENT.items()}, plants.INITIAL

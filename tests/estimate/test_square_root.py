@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import plantfit.runtime  # noqa: F401
-from plantfit.estimate.square_root import cholesky, sampled_noise_root, triangular, whitened
+from plantfit.estimate.filters.square_root import cholesky, sampled_noise_root, triangular, whitened
 
 import jax
 

@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 sys.path.insert(0, str(Path(__file__).parent))
 from fuzz_inputs import LAYERS, drawn  # pyright: ignore[reportMissingImports]
 
-from plantfit.cli.failures import shortened
+from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitError
 
 SECONDS, BYTES = 10.0, 2 * 2**30

@@ -9,7 +9,7 @@ import pytest
 import plantfit as pf
 from plantfit.models import Model
 from plantfit.recording.record import Recording, Signal
-from plantfit.simulate.vector import vectorise
+from plantfit.simulate.steps.vector import vectorise
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "models.md"
 EXAMPLES = {

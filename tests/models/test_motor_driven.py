@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from plantfit.errors import ModelError
-from plantfit.models.dc_motor import dc_motor
-from plantfit.models.equations import equations
-from plantfit.models.motor_driven import motor_driven
+from plantfit.models.library.dc_motor import dc_motor
+from plantfit.models.parts.motor_driven import motor_driven
+from plantfit.models.text.equations import equations
 
 P = {"Rm": 2.8, "Lm": 0.045, "Kb": 0.05, "Kt": 0.06, "Jm": 2e-3, "Cm": 1e-3, "Tf": 0.0}
 

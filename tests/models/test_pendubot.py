@@ -7,11 +7,11 @@ from scipy.integrate import solve_ivp
 
 import plantfit.recording as rec
 from plantfit.errors import ModelError
-from plantfit.models.double_pendulum import Motion, energies
+from plantfit.models.library.double_pendulum import Motion, energies
+from plantfit.models.library.pendubot import motor_torque, pendubot, pendubot_regression
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.models.model import Model
-from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
-from plantfit.models.pendubot_terms import base_values
-from plantfit.trust.windows import simulate_windows
+from plantfit.trust.validate.windows import simulate_windows
 
 import jax
 import jax.numpy as jnp

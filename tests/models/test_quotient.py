@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.quotient import quotient
+from plantfit.models.parts.quotient import quotient
 
 # isort: split
 import jax

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.tables import lookup, lookup2
+from plantfit.models.parts.tables import lookup, lookup2
 from plantfit.native import native_scan
 
 # isort: split

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from plantfit.native import available
-from plantfit.native.compilation import HEADER, MAGIC, read_object, write_object
+from plantfit.native.compile.compilation import HEADER, MAGIC, read_object, write_object
 
 LOOP = """
 import sys, warnings
 warnings.simplefilter("always")
 import plantfit.runtime, jax, jax.numpy as jnp
-import plantfit.native.compilation as c
+import plantfit.native.compile.compilation as c
 whole, compiled = c.compile_text, []
 c.compile_text = lambda text: compiled.append(1) or whole(text)
 from plantfit.native import native_scan

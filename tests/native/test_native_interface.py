@@ -7,11 +7,11 @@ import sys
 import pytest
 
 from plantfit.native import available
-from plantfit.native.interface import engine, refusal
+from plantfit.native.compile.interface import engine, refusal
 
 LOOP = """
 import warnings
-import plantfit.native.ffi_handler as handler
+import plantfit.native.compile.ffi_handler as handler
 {change}
 import plantfit.runtime, jax, jax.numpy as jnp
 from plantfit.native import native_scan

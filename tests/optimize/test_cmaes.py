@@ -7,17 +7,17 @@ import pytest
 from cmaes import CMA
 
 from plantfit.optimize import Objective, minimise
-from plantfit.optimize.bipop import BipopCmaEs, small_run
-from plantfit.optimize.bound_penalty import mirrored
-from plantfit.optimize.cmaes import CmaEs
 from plantfit.optimize.contract import Facts
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.dd_cmaes import DecodingCmaEs
-from plantfit.optimize.ipop import IpopCmaEs
-from plantfit.optimize.nested import Nested
-from plantfit.optimize.restarts import Restarts
-from plantfit.optimize.separable_cmaes import SeparableCmaEs
-from plantfit.optimize.strategy import decoding_rates, full_rates, separable_rates, weights
+from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.nested import Nested
+from plantfit.optimize.methods.cma_es.bipop import BipopCmaEs, small_run
+from plantfit.optimize.methods.cma_es.bound_penalty import mirrored
+from plantfit.optimize.methods.cma_es.cmaes import CmaEs
+from plantfit.optimize.methods.cma_es.dd_cmaes import DecodingCmaEs
+from plantfit.optimize.methods.cma_es.ipop import IpopCmaEs
+from plantfit.optimize.methods.cma_es.learning_rates import decoding_rates, full_rates, separable_rates, weights
+from plantfit.optimize.methods.cma_es.restarts import Restarts
+from plantfit.optimize.methods.cma_es.separable_cmaes import SeparableCmaEs
 
 import jax
 import jax.numpy as jnp

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from plantfit.optimize.damped_steps import FINISHED, Lanes, Rows
+from plantfit.optimize.local.damped_steps import FINISHED, Lanes, Rows
 
 
 def lanes_of(a, x, target, damping=1e-12):

@@ -9,12 +9,22 @@ from scipy import stats
 
 from plantfit.errors import Status
 from plantfit.optimize import Checkpoint, Objective, make, minimise
-from plantfit.optimize import population_loop as loop
 from plantfit.optimize.contract import Facts
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.differential import Archive, between, binomial, collapsed, newcomers, pick_other, positive_cauchy, remember, select
-from plantfit.optimize.nested import Nested
-from plantfit.optimize.success_history import TERMINAL, Memory
+from plantfit.optimize.loop import population_loop as loop
+from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.nested import Nested
+from plantfit.optimize.methods.differential_evolution.population import (
+    Archive,
+    between,
+    binomial,
+    collapsed,
+    newcomers,
+    pick_other,
+    positive_cauchy,
+    remember,
+    select,
+)
+from plantfit.optimize.methods.differential_evolution.success_history import TERMINAL, Memory
 from plantfit.testing.objectives import bowl, corner, hopeless
 
 import jax

@@ -5,12 +5,12 @@ import pytest
 from scipy import stats
 
 from plantfit.optimize import Objective, minimise
-from plantfit.optimize import crossover as operators
-from plantfit.optimize.binary_ga import BinaryGenetic, decode, encode, flip, one_point
-from plantfit.optimize.cga import ContinuousGenetic
 from plantfit.optimize.contract import Facts
-from plantfit.optimize.crossover import Pool
-from plantfit.optimize.elite_ga import EliteGenetic
+from plantfit.optimize.methods.genetic import operators
+from plantfit.optimize.methods.genetic.binary_ga import BinaryGenetic, decode, encode, flip, one_point
+from plantfit.optimize.methods.genetic.cga import ContinuousGenetic
+from plantfit.optimize.methods.genetic.elite_ga import EliteGenetic
+from plantfit.optimize.methods.genetic.operators import Pool
 
 import jax
 import jax.numpy as jnp

@@ -9,10 +9,10 @@ from scipy import optimize
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize import minimise
-from plantfit.optimize.basins import Basins
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.local import Found
-from plantfit.optimize.local_searches import LocalSearches, Start, one_after_another
+from plantfit.optimize.local.basins import Basins
+from plantfit.optimize.local.one_search import Found
+from plantfit.optimize.local.side_by_side import LocalSearches, Start, one_after_another
+from plantfit.optimize.loop.counter import Counter
 from plantfit.testing.objectives import from_residuals
 
 import jax

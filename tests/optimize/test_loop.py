@@ -8,7 +8,7 @@ import pytest
 
 from plantfit.errors import SearchError, Status
 from plantfit.optimize import Checkpoint, minimise
-from plantfit.optimize import population_loop as loop
+from plantfit.optimize.loop import population_loop as loop
 from plantfit.testing.objectives import bowl, centre, corner
 
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost")

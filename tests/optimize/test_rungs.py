@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from test_local_searches import batched, valley
 
-from plantfit.optimize import minimise, rungs
-from plantfit.optimize.basins import Basins
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.local_searches import LocalSearches, Start
-from plantfit.optimize.rungs import FEW, Rungs
-from plantfit.optimize.starts import far_apart
+from plantfit.optimize import minimise
+from plantfit.optimize.local import rungs
+from plantfit.optimize.local.basins import Basins
+from plantfit.optimize.local.rungs import FEW, Rungs
+from plantfit.optimize.local.side_by_side import LocalSearches, Start
+from plantfit.optimize.local.starts import far_apart
+from plantfit.optimize.loop.counter import Counter
 
 import jax.numpy as jnp
 
@@ -89,7 +90,7 @@ def test_all_that_fell_behind_are_led_to_their_ends_before_convergence():
 
 
 def test_a_search_that_was_cut_off_is_doubt():
-    from plantfit.optimize.local import Found
+    from plantfit.optimize.local.one_search import Found
 
     basins = Basins({})
     for cost in (1.0, 1.0, 1.0, 1.0, 1.0, 2.0):

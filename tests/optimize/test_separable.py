@@ -5,8 +5,8 @@ import pytest
 
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective
-from plantfit.optimize.counter import Counter
-from plantfit.optimize.separable import FINE, LONG, Block, separable_least_squares
+from plantfit.optimize.local.separable import FINE, LONG, Block, separable_least_squares
+from plantfit.optimize.loop.counter import Counter
 
 
 def blocks_of(targets, wave):

@@ -8,9 +8,9 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Delay, Model
-from plantfit.models.tables import lookup
+from plantfit.models.parts.tables import lookup
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.direct import Direct
+from plantfit.problem.evaluate.record_by_record import Direct
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models import equations
 from plantfit.models.model import Declared, Model
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.affine import affine_by_structure
+from plantfit.problem.linear.affine import affine_by_structure
 from plantfit.recording.record import Recording, Signal
 
 N = 60

@@ -17,7 +17,7 @@ from plantfit.models import (
     steam_chamber,
 )
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.affine import affine_by_structure, affine_coordinates
+from plantfit.problem.linear.affine import affine_by_structure, affine_coordinates
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

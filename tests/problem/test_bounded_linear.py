@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from plantfit.problem.bounded_linear import Orthogonal, solve_within
+from plantfit.problem.evaluate.bounded_linear import Orthogonal, solve_within
 
 
 def problem(seed: int, p: int, spread: float = 1.0, rank: int | None = None):

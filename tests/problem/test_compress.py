@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from plantfit.errors import RecordingError
-from plantfit.problem import compress as room
-from plantfit.problem.compress import compress, mean_square
+from plantfit.problem.evaluate import compress as room
+from plantfit.problem.evaluate.compress import compress, mean_square
 
 import jax
 import jax.numpy as jnp

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.quotient import quotient
-from plantfit.models.tables import lookup
-from plantfit.problem.degree import CONSTANT, coordinate
-from plantfit.problem.degree_rules import degrees, of
+from plantfit.models.parts.quotient import quotient
+from plantfit.models.parts.tables import lookup
+from plantfit.problem.linear.degree import CONSTANT, coordinate
+from plantfit.problem.linear.degree_rules import degrees, of
 
 import jax
 import jax.numpy as jnp

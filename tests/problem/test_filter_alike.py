@@ -6,9 +6,9 @@ import pytest
 import plantfit.recording as rec
 from plantfit.errors import RecordingError, SpecError
 from plantfit.fitting import fit
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Declared
-from plantfit.models.regression import LinearModel
-from plantfit.problem.filter_alike import filter_alike
+from plantfit.problem.measure.filter_alike import filter_alike
 from plantfit.spec import load
 
 T = np.arange(4000) * 0.002

@@ -6,7 +6,7 @@ import pytest
 import plantfit as pf
 from plantfit.errors import ModelError
 from plantfit.problem import Problem
-from plantfit.problem.hold_check import check_holds
+from plantfit.problem.measure.hold_check import check_holds
 from plantfit.recording import from_arrays
 
 N, DT = 400, 0.2

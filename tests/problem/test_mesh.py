@@ -5,12 +5,12 @@ import pytest
 
 import plantfit as pf
 from plantfit.problem import Problem, checked_cost
-from plantfit.problem.mesh import can_mesh, effects, errors_at, mesh_at
-from plantfit.problem.steps import choose_substeps, refined_at, steps_for
+from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
+from plantfit.problem.accuracy.steps import choose_substeps, refined_at, steps_for
 from plantfit.recording import from_arrays
-from plantfit.simulate.array_steppers import STEPPERS as ARRAY_STEPPERS
-from plantfit.simulate.array_steppers import Rates
-from plantfit.simulate.steppers import STEPPERS
+from plantfit.simulate.steps.array_steppers import STEPPERS as ARRAY_STEPPERS
+from plantfit.simulate.steps.array_steppers import Rates
+from plantfit.simulate.steps.steppers import STEPPERS
 
 T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
 # a fast state feeds a slow one: y = b (exp(-k t) - exp(-f t)) / (f - k), a corner at the start that samples do not show

@@ -6,8 +6,8 @@ import pytest
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError, SpecError
 from plantfit.models import equations
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Declared
-from plantfit.models.regression import LinearModel
 from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter

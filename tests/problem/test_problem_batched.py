@@ -9,8 +9,8 @@ import pytest
 from problem_batched_plants import Case, direct, plain_residuals, points
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.batched import Batched
-from plantfit.simulate.record_rows import RecordRows
+from plantfit.problem.evaluate.batched import Batched
+from plantfit.simulate.records.rows import RecordRows
 from plantfit.space import Parameter
 
 import jax

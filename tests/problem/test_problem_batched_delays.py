@@ -11,13 +11,13 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Delay, Model
-from plantfit.models.tables import lookup
+from plantfit.models.parts.tables import lookup
 from plantfit.problem import Problem
-from plantfit.problem.batched import Batched
-from plantfit.problem.steps import choose_substeps
+from plantfit.problem.accuracy.steps import choose_substeps
+from plantfit.problem.evaluate.batched import Batched
 from plantfit.recording.record import Recording, Signal
+from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.tight import follow
 
 import jax
 

@@ -8,7 +8,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models import dc_motor
 from plantfit.models.model import Declared, Model
 from plantfit.problem import Experiment, Problem, split
-from plantfit.problem.steps import choose_substeps
+from plantfit.problem.accuracy.steps import choose_substeps
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

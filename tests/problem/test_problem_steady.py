@@ -7,7 +7,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit import fit
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.direct import Direct
+from plantfit.problem.evaluate.record_by_record import Direct
 from plantfit.recording.record import Recording, Signal
 
 TRUTH = {"K": 2.0, "c": 0.3, "tau": 1.5}

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models import Declared, LinearModel, equations, first_order
-from plantfit.optimize.counter import Counter
+from plantfit.optimize.loop.counter import Counter
 from plantfit.problem import Problem, Projection
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter

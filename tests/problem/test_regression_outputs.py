@@ -6,8 +6,8 @@ from scipy.optimize import least_squares
 
 import plantfit as pf
 from plantfit.models import Declared, LinearModel
-from plantfit.models.pendubot import pendubot_regression
-from plantfit.models.pendubot_terms import base_values
+from plantfit.models.library.pendubot import pendubot_regression
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.problem import Problem
 from plantfit.recording import Recording
 from plantfit.recording.record import Signal

@@ -9,7 +9,7 @@ from plantfit.errors import SearchError
 from plantfit.models.model import Declared, Model
 from plantfit.optimize import minimise
 from plantfit.problem import Problem
-from plantfit.problem.shooting import Shooting, shooting_start
+from plantfit.problem.shooting.start import Shooting, shooting_start
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 from plantfit.study.objective import objective_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from plantfit.problem.shooting_sweep import Linear, step
+from plantfit.problem.shooting.elimination import Linear, step
 
 
 def chain(records=(5, 3), n=2, q=3, d=4, k=6, seed=0, growth=1.0) -> Linear:

@@ -5,11 +5,11 @@ import pytest
 from shooting_plants import LAG, PENDULUM, balanced, lag, lag_recording, oscillation
 
 from plantfit.errors import SearchError, SimulationError
-from plantfit.models.events import StateDelay
 from plantfit.models.model import Declared, Model
+from plantfit.models.parts.switching import StateDelay
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.shooting import Shooting
-from plantfit.problem.shooting_segments import cut
+from plantfit.problem.shooting.segments import cut
+from plantfit.problem.shooting.start import Shooting
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

@@ -10,7 +10,7 @@ from plantfit.errors import SpaceError, SpecError
 from plantfit.fitting import fit
 from plantfit.models import Declared, Model, Table, steam_chamber, tabled_first_order
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.second_differences import second_differences
+from plantfit.problem.evaluate.second_differences import second_differences
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 

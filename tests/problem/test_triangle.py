@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plantfit.problem.triangle import ROWS, triangle
+from plantfit.problem.evaluate.triangle import ROWS, triangle
 
 SHAPES = [(3, 7), (7, 3), (ROWS, 5), (2 * ROWS + 1, 1), (2 * ROWS + 1, 12), (5000, 32), (3000, 64), (1000, 90), (600, 0)]
 

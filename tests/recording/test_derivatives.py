@@ -8,8 +8,8 @@ import pytest
 
 import plantfit.recording as rec
 from plantfit.errors import RecordingError
-from plantfit.recording.differentiation import compare_derivatives
-from plantfit.recording.kalman import _cross_validation, _System, kalman_smoother
+from plantfit.recording.signals.differentiation import compare_derivatives
+from plantfit.recording.signals.smoother import _cross_validation, _System, kalman_smoother
 
 STEP = 2 * np.pi / 10_000
 EVEN = np.arange(2000) * 0.002

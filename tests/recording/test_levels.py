@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.errors import RecordingError
-from plantfit.recording.levels import levels
+from plantfit.recording.clean.levels import levels
 from plantfit.recording.record import Recording, Signal
 
 

@@ -5,8 +5,9 @@ import polars as pl
 import pytest
 
 from plantfit.errors import PlantfitError
-from plantfit.recording import csv, plain_text, read
-from plantfit.recording.csv import csv_table
+from plantfit.recording import read
+from plantfit.recording.read import csv, plain_text
+from plantfit.recording.read.csv import csv_table
 
 N = 200
 

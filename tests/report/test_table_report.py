@@ -10,7 +10,7 @@ from plantfit.errors import PlantfitError
 from plantfit.report import render_html, summary_text
 from plantfit.report.figures import table_figure
 from plantfit.report.schema import read_findings
-from plantfit.report.tables import basins_table, entries_tables
+from plantfit.report.sections.tables import basins_table, entries_tables
 
 NODES = [0.0, 5.0, 10.0, 20.0]
 STATES = ["determined", "weak", "at bound", "flat"]

@@ -5,7 +5,7 @@ from findings_example import example
 
 from plantfit.report import budgets_text, render_html, summary_text, uncertainty_text
 from plantfit.report.schema import read_findings
-from plantfit.report.uncertainty_tables import budget_table, widened_table
+from plantfit.report.sections.uncertainty_tables import budget_table, widened_table
 
 BUDGET = {
     "of": "w", "kind": "signal", "unit": "rad/s", "at": 40.0, "recordings": ["train"], "combined": 0.5, "expanded": 1.0,

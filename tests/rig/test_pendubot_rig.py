@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from plantfit.errors import RecordingError, SimulationError
-from plantfit.models.double_pendulum import Motion, energies
+from plantfit.models.library.double_pendulum import Motion, energies
 from plantfit.recording import read_csv
 from plantfit.rig import MEASURED, Move, PendubotRig
 

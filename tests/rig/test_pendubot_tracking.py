@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from plantfit.cases.motor.bench import TRUTH
 from plantfit.cases.motor.tracking_section import tracking_section
-from plantfit.models.pendubot_terms import base_values
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.rig.pendubot import MEASURED
 from plantfit.rig.pendubot_tracking import PendubotTracking
 

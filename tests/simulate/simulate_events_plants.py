@@ -4,7 +4,7 @@ from functools import cache
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Delay, Model
-from plantfit.simulate.vector import VectorModel, vectorise
+from plantfit.simulate.steps.vector import VectorModel, vectorise
 
 import jax.numpy as jnp
 

@@ -11,8 +11,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, pid, step_metrics, step_observer
 from plantfit.errors import SimulationError
 from plantfit.models.model import Declared, Delay, Model
-from plantfit.simulate.closed_loop import Controller, Observer, closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import Controller, Observer, closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
 import jax.numpy as jnp

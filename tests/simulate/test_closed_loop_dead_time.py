@@ -9,12 +9,12 @@ from scipy.integrate import solve_ivp
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, pid
 from plantfit.errors import ModelError, SimulationError
-from plantfit.models.equations import equations
+from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.models.model import Declared
-from plantfit.models.steam_chamber import steam_chamber
-from plantfit.models.tables import Table
-from plantfit.simulate.closed_loop import Controller, closed_loop
-from plantfit.simulate.sensors import Actuator
+from plantfit.models.parts.tables import Table
+from plantfit.models.text.equations import equations
+from plantfit.simulate.loop.closed_loop import Controller, closed_loop
+from plantfit.simulate.loop.sensors import Actuator
 from plantfit.simulate.simulator import Simulator
 
 import jax

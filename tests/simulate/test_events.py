@@ -7,9 +7,9 @@ from simulate_events_plants import plant
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
-from plantfit.models.events import Backlash, Event, Friction
-from plantfit.simulate.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
-from plantfit.simulate.steppers import rk4, rosenbrock
+from plantfit.models.parts.switching import Backlash, Event, Friction
+from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.steppers import rk4, rosenbrock
 
 import jax
 import jax.numpy as jnp

@@ -5,10 +5,10 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
-from plantfit.models.tables import Table, lookup, shared_lookups
-from plantfit.simulate import steppers
-from plantfit.simulate.steppers import exponential
-from plantfit.simulate.vector import vectorise
+from plantfit.models.parts.tables import Table, lookup, shared_lookups
+from plantfit.simulate.steps import steppers
+from plantfit.simulate.steps.steppers import exponential
+from plantfit.simulate.steps.vector import vectorise
 
 import jax
 import jax.numpy as jnp

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.simulate.history import Lag, delayed_rollout, history_grid, ring_length, substeps_below
-from plantfit.simulate.steppers import STEPPERS
+from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length, substeps_below
+from plantfit.simulate.steps.steppers import STEPPERS
 
 import jax
 import jax.numpy as jnp

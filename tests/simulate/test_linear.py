@@ -7,7 +7,7 @@ from scipy.signal import cont2discrete
 from simulate_events_plants import MOTOR, motor, plant, tank
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.linear import advance, exact_maps, exact_step, is_linear
+from plantfit.simulate.steps.linear import advance, exact_maps, exact_step, is_linear
 
 import jax
 import jax.numpy as jnp

@@ -6,10 +6,10 @@ from scipy.linalg import expm
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.models.equations import equations
 from plantfit.models.model import Model
-from plantfit.simulate.closed_loop import Controller, Observer, closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.models.text.equations import equations
+from plantfit.simulate.loop.closed_loop import Controller, Observer, closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
 import jax.numpy as jnp

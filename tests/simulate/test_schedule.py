@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.grid import delayed_pieces, sampled_pieces
-from plantfit.simulate.schedule import PADDING, Track, make_schedule
+from plantfit.simulate.records.schedule import PADDING, Track, make_schedule
 from plantfit.simulate.simulator import Drive
+from plantfit.simulate.steps.grid import delayed_pieces, sampled_pieces
 
 
 def track(n, key, delays=(), dense=False, linear=False):

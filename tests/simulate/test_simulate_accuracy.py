@@ -8,8 +8,8 @@ from simulate_plants import P, exact, record, stiff
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.simulate import Simulator
-from plantfit.simulate.steppers import ORDER, factored
-from plantfit.simulate.verify import check_steps, doubling_error
+from plantfit.simulate.check.verify import check_steps, doubling_error
+from plantfit.simulate.steps.steppers import ORDER, factored
 
 import jax
 import jax.numpy as jnp

@@ -6,7 +6,7 @@ from simulate_plants import P, exact, record, stiff
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate import Simulator
-from plantfit.simulate.tight import follow
+from plantfit.simulate.check.tight import follow
 
 import jax
 import jax.numpy as jnp

@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError, SimulationError
 from plantfit.models.model import Declared, Delay, Model
 from plantfit.simulate import Simulator
-from plantfit.simulate.grid import delayed_pieces, merge
+from plantfit.simulate.steps.grid import delayed_pieces, merge
 
 import jax
 import jax.numpy as jnp

@@ -7,8 +7,8 @@ import plantfit as pf
 from plantfit.problem import Problem, checked_cost, verify
 from plantfit.recording import from_arrays
 from plantfit.simulate import Simulator
-from plantfit.simulate.tight import follow
-from plantfit.simulate.verify import check_steps
+from plantfit.simulate.check.tight import follow
+from plantfit.simulate.check.verify import check_steps
 
 T = np.arange(0.0, 6.0, 0.05)
 RNG = np.random.default_rng(0)

@@ -5,8 +5,8 @@ import pytest
 
 from plantfit import spec
 from plantfit.errors import RecordingError, SpecError, UnitError
-from plantfit.trust.shared_error import SharedError
-from plantfit.trust.uncertainty_budget import type_a, type_b
+from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.stated_errors.uncertainty_budget import type_a, type_b
 
 STUDY = """\
 name = "loop"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from plantfit.errors import Status
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 
 def made_run(method, run, evaluations, cost, *, x=(0.5, 0.5), seconds=1.0, extra=None):

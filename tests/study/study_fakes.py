@@ -1,4 +1,4 @@
-"""A quick search in plain Python that keeps the contract of `plantfit.study.search.Search`, and problems to search."""
+"""A quick search in plain Python that keeps the contract of `plantfit.study.run.search.Search`, and problems to search."""
 
 import json
 from collections.abc import Callable
@@ -10,7 +10,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Status
 from plantfit.optimize.contract import Objective, RunResult
-from plantfit.optimize.progress import Progress
+from plantfit.optimize.loop.progress import Progress
 
 import jax.numpy as jnp
 

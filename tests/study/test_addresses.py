@@ -12,7 +12,7 @@ from study_fakes import FakeSearch, objective
 from plantfit.cli.main import run_cli
 from plantfit.errors import StoreError
 from plantfit.study import Plan, Store, run
-from plantfit.study.addresses import concealed, shown
+from plantfit.study.store.addresses import concealed, shown
 
 SECRET = "hunter2@Zürich"
 HIDDEN = ["h%C3%BC", "hunter2", "Zürich", "Z%C3%BCrich"]

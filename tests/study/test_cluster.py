@@ -16,7 +16,7 @@ from worked_study import MAKER, alone, begun, objective, physical, sums
 from plantfit.errors import MissingExtra, SearchError, StoreError
 from plantfit.study import Plan, Store, begin, resume, run
 from plantfit.study.problem_recipe import Recipe
-from plantfit.study.worker_names import where
+from plantfit.study.run.worker_names import where
 
 distributed = pytest.importorskip("distributed", reason="needs dask[distributed], which is not installed")
 
@@ -105,7 +105,7 @@ def test_what_goes_wrong_on_a_worker_is_one_sentence_here(tmp_path, client):
 
 
 def test_other_software_there_is_noted(tmp_path, client, monkeypatch):
-    monkeypatch.setattr("plantfit.study.store.cpu_model", lambda: "Another CPU")
+    monkeypatch.setattr("plantfit.study.store.store.cpu_model", lambda: "Another CPU")
     store = Store.open(tmp_path / "study.db")
     study_id = begun(store, Plan(name="p", methods=("random",), runs=1, budget=20, seed=1), 0.0)
     work_on_cluster(store, [job(study_id, "0.0")], client)

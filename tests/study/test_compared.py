@@ -7,7 +7,7 @@ from scipy import stats
 
 from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
-from plantfit.study.statistics import summarise
+from plantfit.study.comparing.statistics import summarise
 
 
 def said(record, problem=0):

@@ -11,7 +11,7 @@ from study_fakes import FakeSearch, objective
 
 from plantfit.errors import PlantfitError, StoreError
 from plantfit.study import Plan, Store, run
-from plantfit.study.importing import read_study
+from plantfit.study.store.importing import read_study
 
 
 @pytest.fixture

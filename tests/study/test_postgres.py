@@ -48,7 +48,7 @@ def test_a_password_is_never_shown(place):
 
 
 def test_without_psycopg_the_package_is_named(place, monkeypatch):
-    monkeypatch.setattr("plantfit.study.database_engine.find_spec", lambda name: None)
+    monkeypatch.setattr("plantfit.study.store.database_engine.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"pip install 'plantfit\[postgres\]'"):
         Store.open(place)
 
@@ -136,7 +136,7 @@ def test_heartbeats_go_by_the_clock_of_the_server(place, monkeypatch):
     here = Store.open(place)
     study_id = add(here)
     real = time.time
-    monkeypatch.setattr("plantfit.study.store.time.time", lambda: real() - 3600)
+    monkeypatch.setattr("plantfit.study.store.store.time.time", lambda: real() - 3600)
     slow = Store.open(place)
     claim = claim_one(slow, study_id, "elsewhere|1|2|a")
     monkeypatch.undo()

@@ -13,7 +13,8 @@ from sqlalchemy import func, select
 from test_study_runner import bits
 from worked_study import objective
 
-from plantfit.study import Store, resume, run, tables
+from plantfit.study import Store, resume, run
+from plantfit.study.store import tables
 
 CHILD = Path(__file__).with_name("killed_child.py")
 PATIENCE = 120.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from method_runs import made_run, two_methods
 
-from plantfit.study.basins import optima
+from plantfit.study.comparing.basins import optima
 from plantfit.study.comparing.profiles import (
     best_costs,
     by_seconds,
@@ -14,8 +14,8 @@ from plantfit.study.comparing.profiles import (
     performance_profile,
     quartiles,
 )
+from plantfit.study.comparing.statistics import evaluations_to_target
 from plantfit.study.comparing.targets import profile_targets, scale_of, targets
-from plantfit.study.statistics import evaluations_to_target
 
 RUN = made_run("a", 0, [10, 20, 40, 100], [8.0, 4.0, 1.0, 1.0], seconds=2.0)
 

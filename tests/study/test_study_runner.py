@@ -8,13 +8,14 @@ from study_fakes import FakeSearch, fake_result, objective, to_physical
 
 from plantfit.errors import SearchError, StoreError
 from plantfit.optimize.contract import Objective
-from plantfit.optimize.progress import Progress
-from plantfit.study import Plan, Store, resume, run, tables
-from plantfit.study.codec import to_json
-from plantfit.study.progress import Meter
-from plantfit.study.runner import begin
+from plantfit.optimize.loop.progress import Progress
+from plantfit.study import Plan, Store, resume, run
+from plantfit.study.run.runner import begin
+from plantfit.study.run.study_progress import Meter
+from plantfit.study.run.worker_names import STALE_SECONDS
+from plantfit.study.store import tables
+from plantfit.study.store.codec import to_json
 from plantfit.study.versions import SEARCHES
-from plantfit.study.worker_names import STALE_SECONDS
 
 PLAN = Plan(name="gearmotor", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
 BACKENDS = ("sqlite", "postgresql")
@@ -66,7 +67,7 @@ def test_progress_adds_up_over_tasks(store):
 
 def test_time_left_follows_the_pace_of_this_sitting_only(store, monkeypatch):
     now, seen = [0.0], []
-    monkeypatch.setattr("plantfit.study.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("plantfit.study.run.study_progress.time.monotonic", lambda: now[0])
     meter = Meter(store, store.add(PLAN, spec_text=None, coordinates=("a", "b", "c"), probe=b""), PLAN, seen.append)
     meter.refresh("random")
     for seconds, evaluations in ((5.0, 60.0), (6.0, 70.0), (7.0, 80.0)):  # 60 came from a checkpoint
@@ -150,7 +151,7 @@ def test_a_worker_that_was_overtaken_leaves_the_task_to_the_other(store, monkeyp
     real = time.time
 
     def overtake(task, k):
-        monkeypatch.setattr("plantfit.study.store.time.time", lambda: real() + STALE_SECONDS + 1)
+        monkeypatch.setattr("plantfit.study.store.store.time.time", lambda: real() + STALE_SECONDS + 1)
         resume(store, 1, objective(), search=FakeSearch())
 
     run(plan, objective(), store, search=FakeSearch(overtake))
@@ -174,7 +175,7 @@ def test_another_problem_is_refused(store):
 
 def test_other_versions_are_noted(store, monkeypatch):
     study_id = run(PLAN, objective(), store, stop=lambda: True, search=FakeSearch())
-    monkeypatch.setattr("plantfit.study.runner.cpu_model", lambda: "Another CPU")
+    monkeypatch.setattr("plantfit.study.run.runner.cpu_model", lambda: "Another CPU")
     resume(store, study_id, objective(), search=FakeSearch())
     (note,) = store.study(study_id).notes
     assert "became Another CPU" in note

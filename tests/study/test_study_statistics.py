@@ -14,7 +14,7 @@ from plantfit.study import (
     t_interval,
     wilson_interval,
 )
-from plantfit.study.statistics import normal_interval, ratio_interval, running_time_interval, running_times
+from plantfit.study.comparing.statistics import normal_interval, ratio_interval, running_time_interval, running_times
 
 VALUES = np.random.default_rng(5).gamma(2.0, size=23)
 

@@ -10,8 +10,9 @@ from study_fakes import fake_result
 
 from plantfit.errors import Status, StoreError
 from plantfit.optimize.contract import RunResult
-from plantfit.study import Plan, Store, claims
-from plantfit.study.claims import ClaimLost
+from plantfit.study import Plan, Store
+from plantfit.study.store import claims
+from plantfit.study.store.claims import ClaimLost
 
 PLAN = Plan(name="gearmotor", methods=("random", "pso"), runs=3, budget=50, seed=4, chunk=2)
 NAMES = ("a", "b", "c")
@@ -137,7 +138,7 @@ def claims_time(monkeypatch):
     import time
 
     now = [time.time()]
-    monkeypatch.setattr("plantfit.study.store.time.time", lambda: now[0])
+    monkeypatch.setattr("plantfit.study.store.store.time.time", lambda: now[0])
     return now
 
 

@@ -7,7 +7,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.study.symmetry import same_by_symmetry
+from plantfit.study.comparing.symmetry import same_by_symmetry
 
 T = np.linspace(0.0, 3.0, 40)
 BOX = (-5.0, 5.0)

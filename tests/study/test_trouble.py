@@ -11,8 +11,8 @@ from test_study_store import add, claim_one, finish_one
 
 from plantfit.errors import StoreError
 from plantfit.study import Store, resume, run
-from plantfit.study.claims import ClaimLost
-from plantfit.study.worker_names import AHEAD_SECONDS, STALE_SECONDS, is_stale
+from plantfit.study.run.worker_names import AHEAD_SECONDS, STALE_SECONDS, is_stale
+from plantfit.study.store.claims import ClaimLost
 
 DAY = 86_400.0
 
@@ -21,7 +21,7 @@ DAY = 86_400.0
 def clock(monkeypatch):
     """Seconds by which the clock of the machine has been set."""
     real, moved = time.time, [0.0]
-    monkeypatch.setattr("plantfit.study.store.time.time", lambda: real() + moved[0])
+    monkeypatch.setattr("plantfit.study.store.store.time.time", lambda: real() + moved[0])
     return moved
 
 

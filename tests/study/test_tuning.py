@@ -10,8 +10,8 @@ from scipy import stats
 from plantfit.errors import SearchError
 from plantfit.optimize import Objective, make, minimise
 from plantfit.optimize.contract import Facts
+from plantfit.optimize.loop.many_settings import Job, Sweep
 from plantfit.optimize.registry import REGISTRY
-from plantfit.optimize.sweep import Job, Sweep
 from plantfit.study.tuning.dials import Dial, dials_of
 from plantfit.study.tuning.outcome import Contest, Finish, Tuned, contest, finish, ratio_interval
 from plantfit.study.tuning.racing import blocks, race, surely_worse

@@ -1,8 +1,8 @@
 import subprocess
 import sys
 
+from plantfit.study.run.worker_names import STALE_SECONDS, is_stale, new_worker
 from plantfit.study.versions import PACKAGES, cpu_model, versions
-from plantfit.study.worker_names import STALE_SECONDS, is_stale, new_worker
 
 
 def test_a_claim_is_stale_when_silent_or_nobodys():

@@ -12,8 +12,8 @@ from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report.schema import read_findings
-from plantfit.trust import finish as finishing
-from plantfit.trust.finish import finish
+from plantfit.trust.finish import final_problem as finishing
+from plantfit.trust.finish.final_problem import finish
 
 TRUTH = {"K": 2.0, "tau": 0.7, "c": 0.3}
 BOUNDS = {"K": (0.1, 10.0), "tau": (0.05, 5.0), "c": (-5.0, 5.0)}
@@ -166,8 +166,8 @@ def test_what_was_not_searched_on_is_not_counted_and_told(monkeypatch):
 
 def test_a_search_that_is_cut_is_not_called_an_optimum(monkeypatch):
     monkeypatch.setattr(finishing, "STEPS", 2)
-    monkeypatch.setattr("plantfit.trust.descent.STEPS", 2)
-    monkeypatch.setattr("plantfit.trust.descent.POLISH", 0)
+    monkeypatch.setattr("plantfit.trust.finish.descent.STEPS", 2)
+    monkeypatch.setattr("plantfit.trust.finish.descent.POLISH", 0)
     problem = two_outputs({"y": 0.05, "w": 0.4})
     final, results = finish(problem, runs_at(problem, [[0.9, 0.9, 0.9], [0.1, 0.1, 0.1]], status=Status.budget, spent=1.0))
     findings = Answer(final, results, 0).findings
@@ -235,8 +235,8 @@ def test_a_perfect_fit_is_agreed_on_to_rounding():
 
 def test_the_report_compares_what_the_search_found_and_writes_one_model_in_one_way():
     """Sentences of the section on runs: exchanged terms are one answer there too, and costs are those of the search."""
-    from plantfit.report import comparison_section
     from plantfit.report.drawings import Drawings
+    from plantfit.report.sections import comparison as comparison_section
 
     def told_of(record):
         section = comparison_section.of_findings(record, Drawings())

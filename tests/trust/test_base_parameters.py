@@ -5,7 +5,7 @@ import pytest
 
 from plantfit.errors import ModelError
 from plantfit.trust import base_parameters
-from plantfit.trust.formulas import factor_text, polynomial, polynomial_text, sum_text
+from plantfit.trust.identify.formulas import factor_text, polynomial, polynomial_text, sum_text
 
 L1, G = 0.15, 9.81
 CONSTANTS = {"l1": L1, "l2": 0.3, "g": G}

@@ -6,11 +6,11 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from plantfit.errors import RecordingError
-from plantfit.models.dc_motor import dc_motor
-from plantfit.models.hammerstein_wiener import hammerstein_wiener
+from plantfit.models.library.dc_motor import dc_motor
+from plantfit.models.library.hammerstein_wiener import hammerstein_wiener
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
-from plantfit.trust.blocks_left_out import Structure, blocks_left_out, choose_structure
+from plantfit.trust.validate.blocks_left_out import Structure, blocks_left_out, choose_structure
 
 STEP = 0.1
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from plantfit.trust.verdict_parameters import parameter_sentences
+from plantfit.trust.verdict.parameters import parameter_sentences
 
 
 def said(bound, low, value):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from plantfit.errors import ModelError
-from plantfit.models.pendubot import pendubot_regression
-from plantfit.models.pendubot_terms import base_values
+from plantfit.models.library.pendubot import pendubot_regression
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.trust import combinations, flat_curves
 
 NAMES = ("m1", "m2", "lc1", "lc2", "I1", "I2")

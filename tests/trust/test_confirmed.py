@@ -7,7 +7,7 @@ from plantfit.errors import Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem, checked_cost
 from plantfit.recording import from_arrays
-from plantfit.trust.finish import REFUSED, finish
+from plantfit.trust.finish.final_problem import REFUSED, finish
 
 T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(len(T))

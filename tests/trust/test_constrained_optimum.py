@@ -5,13 +5,13 @@ import pytest
 from scipy.optimize import differential_evolution, least_squares
 
 from plantfit.errors import ModelError
-from plantfit.models.pendubot import pendubot_regression
-from plantfit.models.pendubot_terms import base_values
-from plantfit.problem.compress import compress
-from plantfit.trust.certified_floor import certified_floor
-from plantfit.trust.constrained_optimum import constrained_optimum
-from plantfit.trust.feasibility import LinkNames, link_constraints
-from plantfit.trust.possible import nearest_possible
+from plantfit.models.library.pendubot import pendubot_regression
+from plantfit.models.library.pendubot_terms import base_values
+from plantfit.problem.evaluate.compress import compress
+from plantfit.trust.rigid_body.certified_floor import certified_floor
+from plantfit.trust.rigid_body.constrained_optimum import constrained_optimum
+from plantfit.trust.rigid_body.feasibility import LinkNames, link_constraints
+from plantfit.trust.rigid_body.real_bodies import nearest_possible
 
 NAMES = ("m1", "m2", "lc1", "lc2", "I1", "I2")
 LOWER, UPPER = np.array([0.001, 0.001, 0.001, 0.001, 1e-4, 1e-4]), np.array([0.4, 0.4, 0.15, 0.3, 1e-3, 1e-3])

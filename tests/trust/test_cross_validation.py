@@ -6,8 +6,8 @@ import pytest
 import plantfit.recording as rec
 from plantfit.errors import RecordingError
 from plantfit.models import equations
-from plantfit.trust.cross_validation import choose, leave_one_out
-from plantfit.trust.windows import simulate_windows
+from plantfit.trust.validate.cross_validation import choose, leave_one_out
+from plantfit.trust.validate.windows import simulate_windows
 
 
 def test_left_out_mean_is_the_closed_form():

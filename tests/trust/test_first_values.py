@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from plantfit import Problem, Recording, Signal, equations
-from plantfit.models import library
-from plantfit.trust.descent import descent
-from plantfit.trust.determined import determined_findings
-from plantfit.trust.first_values import first_value_effects
-from plantfit.trust.local import linearise, residual_blocks
-from plantfit.trust.parameters import parameter_rows
-from plantfit.trust.verdict_parameters import parameter_sentences
+from plantfit.models.library import catalogue as library
+from plantfit.trust.finish.descent import descent
+from plantfit.trust.identify.determined import determined_findings
+from plantfit.trust.intervals.first_values import first_value_effects
+from plantfit.trust.intervals.linearised import linearise, residual_blocks
+from plantfit.trust.intervals.parameter_rows import parameter_rows
+from plantfit.trust.verdict.parameters import parameter_sentences
 
 N, NOISE = 300, 0.02
 T = np.arange(N) * 0.1

@@ -10,7 +10,7 @@ from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
-from plantfit.trust.left_out import left_out_recordings
+from plantfit.trust.validate.left_out import left_out_recordings
 
 LOADS = {"a": 1.0, "b": 2.0, "c": 4.0, "d": 5.0}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.level_responses import level_responses
+from plantfit.trust.validate.level_responses import level_responses
 
 GAINS = (40.0, 1.0, -30.0)
 

@@ -8,7 +8,7 @@ from plantfit.errors import ModelError
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.model_comparison import compare_models
+from plantfit.trust.validate.model_comparison import compare_models
 
 POWERS = {1: "a + b*u", 2: "a + b*u + c*u*u", 4: "a + b*u + c*u*u + d*u*u*u + g*u*u*u*u"}
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from plantfit.errors import ModelError
-from plantfit.models.pendubot_terms import base_values
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.trust import combinations
-from plantfit.trust.openings import Measurement, openings
+from plantfit.trust.identify.added_measurements import Measurement, openings
 
 import jax.numpy as jnp
 

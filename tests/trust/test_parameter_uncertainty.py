@@ -7,13 +7,13 @@ import pytest
 
 import plantfit as pf
 from plantfit.errors import SpaceError
-from plantfit.models.process import first_order
+from plantfit.models.library.process import first_order
 from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.steam_chamber import SteamChamberRig, smooth_truth
-from plantfit.trust.parameter_uncertainty import SharedError, propagate, propagate_by_monte_carlo
-from plantfit.trust.refit import refit
-from plantfit.trust.uncertainty_budget import type_b
+from plantfit.trust.finish.refit import refit
+from plantfit.trust.stated_errors.parameter_uncertainty import SharedError, propagate, propagate_by_monte_carlo
+from plantfit.trust.stated_errors.uncertainty_budget import type_b
 
 T = np.arange(300) * 0.1
 TRUTH = {"K": 2.0, "tau": 1.5, "L": 0.73}

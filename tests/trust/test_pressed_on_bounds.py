@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plantfit.trust.local import _held
+from plantfit.trust.intervals.linearised import _held
 
 
 def judged(z, jacobian, residuals):

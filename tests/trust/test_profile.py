@@ -7,11 +7,11 @@ from scipy.stats import chi2
 
 import plantfit as pf
 from plantfit.errors import SpaceError
-from plantfit.models.process import first_order
+from plantfit.models.library.process import first_order
 from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.dead_time import dead_time
-from plantfit.trust.profile import profile
+from plantfit.trust.intervals.profile import profile
+from plantfit.trust.validate.dead_time import dead_time
 
 T = np.arange(200) * 0.1
 TRUTH = {"K": 2.0, "tau": 1.5, "L": 0.73}

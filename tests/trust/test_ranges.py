@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from plantfit import Parameter, Problem, Recording, Signal, equations
 from plantfit.errors import SpaceError
 from plantfit.fitting import fit
-from plantfit.trust.local import linearise
+from plantfit.trust.intervals.linearised import linearise
 
 N = 200
 X = np.linspace(0.1, 3.0, N)

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from plantfit.errors import RecordingError
 from plantfit.trust import RegressionPart, covariance, regression_covariance
-from plantfit.trust.covariance import Block
+from plantfit.trust.intervals.covariance import Block
 
 TRUTH = np.array([0.5, 0.4, 0.6])
 

@@ -5,12 +5,12 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError
-from plantfit.models.equations import equations
+from plantfit.models.text.equations import equations
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import prewhitened_long_run
 from plantfit.recording import Recording, Signal
-from plantfit.trust.covariance import Block, covariance
-from plantfit.trust.local import linearise
+from plantfit.trust.intervals.covariance import Block, covariance
+from plantfit.trust.intervals.linearised import linearise
 
 SLOTS, TURNS = 60, 8
 LINE = equations("y = a + b*u", inputs=["u"], outputs=["y"], parameters={n: {"bounds": (-5.0, 5.0)} for n in "ab"})

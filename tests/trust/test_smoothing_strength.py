@@ -10,13 +10,13 @@ from plantfit.errors import SpaceError
 from plantfit.fitting import fit
 from plantfit.models import Declared, Model, Table
 from plantfit.problem import Problem
-from plantfit.problem.second_differences import second_differences
+from plantfit.problem.evaluate.second_differences import second_differences
 from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html
 from plantfit.space import Parameter
-from plantfit.trust.local import linearise
-from plantfit.trust.smoothed_descent import Rows, descend
-from plantfit.trust.smoothing_strength import BENDS, FOLDS, PIECES, by_cross_validation, by_reml, choose_strengths, typical_bends
+from plantfit.trust.finish.smoothed_descent import Rows, descend
+from plantfit.trust.finish.smoothing_strength import BENDS, FOLDS, PIECES, by_cross_validation, by_reml, choose_strengths, typical_bends
+from plantfit.trust.intervals.linearised import linearise
 
 NODES = tuple(np.linspace(0.0, 10.0, 21).tolist())
 BOX = 4.0

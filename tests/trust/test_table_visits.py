@@ -7,11 +7,11 @@ import plantfit.runtime  # noqa: F401
 from plantfit.fitting import fit
 from plantfit.models import Table, equations, steam_chamber
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.operating_points import hat_weights, operating_points
+from plantfit.problem.measure.operating_points import hat_weights, operating_points
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
-from plantfit.trust.table_visits import table_visits, unvisited
-from plantfit.trust.verdict_tables import table_sentences
+from plantfit.trust.identify.table_visits import table_visits, unvisited
+from plantfit.trust.verdict.tables import table_sentences
 
 OWN = {n: Parameter(per_recording=True) for n in ("k", "A1", "A2", "Td")}
 

@@ -11,7 +11,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.fitting import Answer, finish, prepare
 from plantfit.models import equations
 from plantfit.optimize import minimise
-from plantfit.problem import Problem, points
+from plantfit.problem import Problem
+from plantfit.problem.evaluate import points
 from plantfit.recording.record import Recording, Signal
 from plantfit.study.objective import objective_of
 
@@ -112,7 +113,7 @@ def test_another_problem_of_the_same_shape_is_what_the_counter_counts(compiled):
 
 
 def test_points_are_as_wide_as_a_search():
-    from plantfit.optimize.local_searches import WIDTH
+    from plantfit.optimize.local.side_by_side import WIDTH
 
     assert points.WIDTH == WIDTH
 

@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from plantfit.problem.long_run import bandwidth, first_correlation, long_run, prewhitened_long_run
+from plantfit.problem.measure.long_run import bandwidth, first_correlation, long_run, prewhitened_long_run
 from plantfit.trust import covariance, flat_directions
-from plantfit.trust.covariance import Block, sandwich
-from plantfit.trust.ranges import effective_samples
+from plantfit.trust.intervals.covariance import Block, sandwich
+from plantfit.trust.intervals.ranges import effective_samples
 
 
 def regression(seed, n=400, rho=0.0, noise=1.0):

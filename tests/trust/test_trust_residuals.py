@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from plantfit.trust import autocorrelation, cross_correlation, whiteness
-from plantfit.trust.residual_tests import independent, white_part
+from plantfit.trust.validate.residual_tests import independent, white_part
 
 
 def ar1(rng, n, rho) -> np.ndarray:

@@ -17,9 +17,9 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html, summary_text
 from plantfit.space import Parameter
 from plantfit.trust import covariance, flat_directions
-from plantfit.trust.covariance import Block, normal_matrix
-from plantfit.trust.verdict import sentences
-from plantfit.trust.verdict_parameters import parameter_sentences
+from plantfit.trust.intervals.covariance import Block, normal_matrix
+from plantfit.trust.verdict.all_sentences import sentences
+from plantfit.trust.verdict.parameters import parameter_sentences
 
 NODES = tuple(np.linspace(0.0, 20.0, 6).tolist())
 TRUTH = np.array([1.0, 2.0, 1.5, 0.5, 1.0, 2.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.errors import RecordingError
-from plantfit.trust.uncertainty_budget import type_a, type_b, uncertainty_budget
+from plantfit.trust.stated_errors.uncertainty_budget import type_a, type_b, uncertainty_budget
 
 PAPER = [type_b("pressure transducer", 0.001 * 39, "bar"), type_b("analog input card", 0.003 * 39, "bar")]
 

@@ -13,11 +13,11 @@ from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate import Simulator
 from plantfit.trust import assess, propagate, propagate_by_monte_carlo
-from plantfit.trust.local import linearise
-from plantfit.trust.reading_budgets import reading_budgets
-from plantfit.trust.refit import refit
-from plantfit.trust.shared_error import SharedError
-from plantfit.trust.uncertainty_budget import type_a, type_b
+from plantfit.trust.finish.refit import refit
+from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.stated_errors.reading_budgets import reading_budgets
+from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.stated_errors.uncertainty_budget import type_a, type_b
 
 T = np.arange(200) * 0.1
 TRUTH = {"a": 1.0, "b": 2.0, "c": 4.0}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from plantfit.optimize.basins import Basins
-from plantfit.optimize.local import Found
-from plantfit.trust.verdict import _steps
-from plantfit.trust.verdict_searches import search_sentences
+from plantfit.optimize.local.basins import Basins
+from plantfit.optimize.local.one_search import Found
+from plantfit.trust.verdict.all_sentences import _steps
+from plantfit.trust.verdict.searches import search_sentences
 
 
 def told(costs, cut=(), dependent=()):

@@ -1,1 +1,1 @@
-
+"""The commands; `main.py` declares them."""

@@ -15,9 +15,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from plantfit.cli import bench, sensitivity
-from plantfit.cli.failures import INSIDE, inside, shortened
-from plantfit.cli.interrupts import SENTENCE, ending, watched
+from plantfit.cli.commands import bench, sensitivity
+from plantfit.cli.terminal.failures import INSIDE, inside, shortened
+from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
 
 
@@ -67,7 +67,7 @@ def demo(
     json: Json = False,
 ) -> None:
     """Work a demo that comes with plantfit, end to end, and write its reports."""
-    from plantfit.cli import demos
+    from plantfit.cli.commands import demos
 
     demos.listed(json) if list_ else demos.demo(name, out, full, json)
 
@@ -82,7 +82,7 @@ def init(
     json: Json = False,
 ) -> None:
     """Look at the columns of a recording and write a commented study file that runs."""
-    from plantfit.cli import init as command
+    from plantfit.cli.commands import init as command
 
     command.init(file, out, force, json)
 
@@ -103,7 +103,7 @@ def check(
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
-    from plantfit.cli import check as command
+    from plantfit.cli.commands import check as command
 
     command.check(spec, verify, json, at or [], tolerance, holds)
 
@@ -118,7 +118,7 @@ def run(
     json: Json = False,
 ) -> None:
     """Run a study, keep every run in the store, and write the report. Ctrl-C saves; `plantfit resume` goes on."""
-    from plantfit.cli import studies
+    from plantfit.cli.commands import studies
 
     studies.run(specs, store, out, json, workers, scheduler)
 
@@ -135,7 +135,7 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with interrupted studies, bit for bit as if they had not stopped."""
-    from plantfit.cli import studies
+    from plantfit.cli.commands import studies
 
     studies.resume(study or [], store, out, json, workers, scheduler)
 
@@ -148,7 +148,7 @@ def workers(
     json: Json = False,
 ) -> None:
     """Show what every worker does now: machine, task, share of its budget, last sign of life."""
-    from plantfit.cli import watching
+    from plantfit.cli.terminal import watching
 
     watching.workers(study, store, watch, json)
 
@@ -156,7 +156,7 @@ def workers(
 @app.command("list")
 def list_(store: StorePlace = STORE, json: Json = False) -> None:
     """List the studies of a store."""
-    from plantfit.cli import studies
+    from plantfit.cli.commands import studies
 
     studies.listed(store, json)
 
@@ -164,7 +164,7 @@ def list_(store: StorePlace = STORE, json: Json = False) -> None:
 @app.command()
 def report(study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, json: Json = False) -> None:
     """Write the report of a study again, or print its figures with --json."""
-    from plantfit.cli import studies
+    from plantfit.cli.commands import studies
 
     studies.report(study, store, out, json)
 
@@ -178,7 +178,7 @@ def combine(
     json: Json = False,
 ) -> None:
     """Write a study file whose parameters are the combinations that the data determine."""
-    from plantfit.cli import combine as command
+    from plantfit.cli.commands import combine as command
 
     command.combine(study, out, force, store, json)
 
@@ -192,7 +192,7 @@ def export(
     store: StorePlace = STORE,
 ) -> None:
     """Write a study, finished or not, to a file that `plantfit import` brings back bit for bit."""
-    from plantfit.cli import exchange
+    from plantfit.cli.commands import exchange
 
     exchange.export(study, json, parquet, out, store)
 
@@ -205,7 +205,7 @@ def import_(
     json: Json = False,
 ) -> None:
     """Bring exported studies into a store; an unfinished one goes on with `plantfit resume`."""
-    from plantfit.cli import exchange
+    from plantfit.cli.commands import exchange
 
     exchange.import_(files, spec, store, json)
 
@@ -217,7 +217,7 @@ def merge(
     json: Json = False,
 ) -> None:
     """Bring the studies of other stores into this one; runs of the same study become one study."""
-    from plantfit.cli import exchange
+    from plantfit.cli.commands import exchange
 
     exchange.merge(sources, store, json)
 
@@ -235,7 +235,7 @@ def predict(
     json: Json = False,
 ) -> None:
     """Simulate a study's model over a recording at its best parameters and write a CSV."""
-    from plantfit.cli import predict as command
+    from plantfit.cli.commands import predict as command
 
     command.predict(spec, out, values or [], study, recording, store, json)
 
@@ -255,7 +255,7 @@ def compare(
 ) -> None:
     """Compare methods over their runs: who wins, by how much, how sure. Several studies of one problem are put together;
     studies of different problems are the replicates of one comparison."""
-    from plantfit.cli import compare as command
+    from plantfit.cli.commands import compare as command
 
     command.compare(studies or [], store, out, latex, csv, target or [], floor, optimum, seed, json)
 
@@ -278,7 +278,7 @@ def tune_search(
     json: Json = False,
 ) -> None:
     """Tune the settings of a search method on your own problem, and say whether that paid. Ctrl-C keeps the best so far."""
-    from plantfit.cli import tune
+    from plantfit.cli.commands import tune_search as tune
 
     tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], hold or [], out, json)
 
@@ -291,7 +291,7 @@ app.command()(sensitivity.sensitivity)
 @app.command()
 def methods(name: Annotated[str | None, typer.Argument(help="Show one method in full.")] = None, json: Json = False) -> None:
     """List the search methods and what they need, or one with its paper and settings."""
-    from plantfit.cli import catalogue
+    from plantfit.cli.commands import catalogue
 
     catalogue.methods(name, json)
 
@@ -299,7 +299,7 @@ def methods(name: Annotated[str | None, typer.Argument(help="Show one method in 
 @app.command()
 def models(name: Annotated[str | None, typer.Argument(help="Show one model in full.")] = None, json: Json = False) -> None:
     """List the models that come with plantfit."""
-    from plantfit.cli import catalogue
+    from plantfit.cli.commands import catalogue
 
     catalogue.models(name, json)
 

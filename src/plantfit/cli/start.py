@@ -2,7 +2,7 @@
 
 import signal
 
-from plantfit.cli.interrupts import watched
+from plantfit.cli.terminal.interrupts import watched
 
 
 def run() -> None:
@@ -22,7 +22,7 @@ def run() -> None:
 def _stopped() -> int:
     import sys
 
-    from plantfit.cli.interrupts import EXIT_CODE, ending
+    from plantfit.cli.terminal.interrupts import EXIT_CODE, ending
 
     ending()
     print("plantfit: stopped before anything was begun.", file=sys.stderr)

@@ -7,19 +7,19 @@ from plantfit.lazy import names_of
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles, design_to_c, kalman_to_c, pid_to_c
     from plantfit.control.catching import Caught, largest_initial_angle
-    from plantfit.control.dead_time import with_dead_time
-    from plantfit.control.design import Design
-    from plantfit.control.kalman import Estimator, kalman_observer
-    from plantfit.control.linear_plant import LinearPlant, discretised, equilibrium, linearised
-    from plantfit.control.lqr import lqr
-    from plantfit.control.mpc import mpc
-    from plantfit.control.offset_free import offset_free_mpc
+    from plantfit.control.linear.dead_time import with_dead_time
+    from plantfit.control.linear.design import Design
+    from plantfit.control.linear.kalman import Estimator, kalman_observer
+    from plantfit.control.linear.linear_plant import LinearPlant, discretised, equilibrium, linearised
+    from plantfit.control.linear.lqr import lqr
+    from plantfit.control.linear.mpc import mpc
+    from plantfit.control.linear.offset_free import offset_free_mpc
+    from plantfit.control.linear.pid_per_output import pid_per_output
+    from plantfit.control.linear.takagi_sugeno import takagi_sugeno
     from plantfit.control.pid import Gains, pid
-    from plantfit.control.pid_per_output import pid_per_output
-    from plantfit.control.robust import Demand, Tuned, costs_over, judged, robust_tuning, stacked_controllers
-    from plantfit.control.step_metrics import StepMetrics, step_metrics, step_observer
-    from plantfit.control.step_profile import StepProfile, StepScores, profile_scores
-    from plantfit.control.takagi_sugeno import takagi_sugeno
+    from plantfit.control.steps.robust import Demand, Tuned, costs_over, judged, robust_tuning, stacked_controllers
+    from plantfit.control.steps.step_metrics import StepMetrics, step_metrics, step_observer
+    from plantfit.control.steps.step_profile import StepProfile, StepScores, profile_scores
 
 __all__ = [
     "CFiles",
@@ -62,18 +62,18 @@ names_of(
     {
         "c_export": "CFiles design_to_c kalman_to_c pid_to_c",
         "catching": "Caught largest_initial_angle",
-        "dead_time": "with_dead_time",
-        "design": "Design",
-        "kalman": "Estimator kalman_observer",
-        "linear_plant": "LinearPlant discretised equilibrium linearised",
-        "lqr": "lqr",
-        "mpc": "mpc",
-        "offset_free": "offset_free_mpc",
+        "linear.dead_time": "with_dead_time",
+        "linear.design": "Design",
+        "linear.kalman": "Estimator kalman_observer",
+        "linear.linear_plant": "LinearPlant discretised equilibrium linearised",
+        "linear.lqr": "lqr",
+        "linear.mpc": "mpc",
+        "linear.offset_free": "offset_free_mpc",
         "pid": "Gains pid",
-        "pid_per_output": "pid_per_output",
-        "robust": "Demand Tuned costs_over judged robust_tuning stacked_controllers",
-        "step_metrics": "StepMetrics step_metrics step_observer",
-        "step_profile": "StepProfile StepScores profile_scores",
-        "takagi_sugeno": "takagi_sugeno",
+        "linear.pid_per_output": "pid_per_output",
+        "steps.robust": "Demand Tuned costs_over judged robust_tuning stacked_controllers",
+        "steps.step_metrics": "StepMetrics step_metrics step_observer",
+        "steps.step_profile": "StepProfile StepScores profile_scores",
+        "linear.takagi_sugeno": "takagi_sugeno",
     },
 )

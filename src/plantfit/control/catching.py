@@ -10,7 +10,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.simulate.closed_loop import ClosedLoop, Observer
+from plantfit.simulate.loop.closed_loop import ClosedLoop, Observer
 
 import jax
 import jax.numpy as jnp

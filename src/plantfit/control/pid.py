@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.simulate.closed_loop import Controller
+from plantfit.simulate.loop.closed_loop import Controller
 
 import jax.numpy as jnp
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.estimate.beliefs import Beliefs, FilterRun, Track, smoothed
     from plantfit.estimate.comparison import Comparison, compare_estimates
-    from plantfit.estimate.consistency import Consistency, nees, nees_test, nis_test
     from plantfit.estimate.estimate import Estimate
+    from plantfit.estimate.filters.beliefs import Beliefs, FilterRun, Track, smoothed
+    from plantfit.estimate.filters.consistency import Consistency, nees, nees_test, nis_test
+    from plantfit.estimate.filters.kalman import ekf, kalman_filter, ukf
+    from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood, maximum_likelihood
+    from plantfit.estimate.filters.noise import Noise
     from plantfit.estimate.forward import free_start, windows
     from plantfit.estimate.instrumental import instrumental_variables
     from plantfit.estimate.inverse_dynamics import InverseDynamics, InverseFit
-    from plantfit.estimate.kalman import ekf, kalman_filter, ukf
-    from plantfit.estimate.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-    from plantfit.estimate.noise import Noise
 
 __all__ = [
     "Beliefs",
@@ -44,15 +44,15 @@ __all__ = [
 names_of(
     __name__,
     {
-        "beliefs": "Beliefs FilterRun Track smoothed",
+        "filters.beliefs": "Beliefs FilterRun Track smoothed",
         "comparison": "Comparison compare_estimates",
-        "consistency": "Consistency nees nees_test nis_test",
+        "filters.consistency": "Consistency nees nees_test nis_test",
         "estimate": "Estimate",
         "forward": "free_start windows",
         "instrumental": "instrumental_variables",
         "inverse_dynamics": "InverseDynamics InverseFit",
-        "kalman": "ekf kalman_filter ukf",
-        "maximum_likelihood": "MaximumLikelihood maximum_likelihood",
-        "noise": "Noise",
+        "filters.kalman": "ekf kalman_filter ukf",
+        "filters.maximum_likelihood": "MaximumLikelihood maximum_likelihood",
+        "filters.noise": "Noise",
     },
 )

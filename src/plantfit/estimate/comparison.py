@@ -7,7 +7,7 @@ from scipy import stats
 
 from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
-from plantfit.problem.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import prewhitened_long_run
 
 SURE = 0.01  # p-value below which a difference is called one
 

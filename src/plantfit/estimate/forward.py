@@ -8,7 +8,7 @@ import numpy as np
 
 from plantfit.errors import ModelError, RecordingError
 from plantfit.models.model import Declared, Model, Named
-from plantfit.recording.parts import cut
+from plantfit.recording.clean.parts import cut
 from plantfit.recording.record import Recording
 
 

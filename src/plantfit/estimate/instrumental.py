@@ -8,7 +8,7 @@ import numpy as np
 from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.whitening import usable, whitening
-from plantfit.problem.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import prewhitened_long_run
 
 ROUNDS = 10  # of residuals and whitening for one set of instruments
 SETTLED = 0.01  # change of every value, in standard errors, that ends the iterations

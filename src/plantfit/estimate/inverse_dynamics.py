@@ -10,12 +10,12 @@ from plantfit.errors import RecordingError, SimulationError
 from plantfit.estimate.comparison import Comparison, compare_estimates
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.instrumental import instrumental_variables
-from plantfit.models.regression import LinearModel
-from plantfit.problem.filter_alike import filter_alike
-from plantfit.recording.derivative import differentiate
-from plantfit.recording.filters import lowpass
+from plantfit.models.library.regression import LinearModel
+from plantfit.problem.measure.filter_alike import filter_alike
+from plantfit.recording.clean.filters import lowpass
+from plantfit.recording.clean.sampling import uniform_period, with_signal
 from plantfit.recording.record import Recording, Signal
-from plantfit.recording.sampling import uniform_period, with_signal
+from plantfit.recording.signals.derivative import differentiate
 
 SAMPLES = 2.5  # kept per period of the band's upper end: the filter leaves little above it
 

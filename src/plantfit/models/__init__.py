@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.models.dc_motor import dc_motor
     from plantfit.models.describe import describe
-    from plantfit.models.drive import drive, drive_regression
-    from plantfit.models.equations import equations
-    from plantfit.models.events import Backlash, Event, Friction, StateDelay
-    from plantfit.models.friction import coulomb, lugre, stribeck, viscous
-    from plantfit.models.hammerstein_wiener import hammerstein_wiener
-    from plantfit.models.library import listing, make, models, names
+    from plantfit.models.library.catalogue import listing, make, models, names
+    from plantfit.models.library.dc_motor import dc_motor
+    from plantfit.models.library.drive import drive, drive_regression
+    from plantfit.models.library.hammerstein_wiener import hammerstein_wiener
+    from plantfit.models.library.pendubot import motor_torque, pendubot, pendubot_regression
+    from plantfit.models.library.process import first_order, second_order
+    from plantfit.models.library.regression import LinearModel
+    from plantfit.models.library.steam_chamber import steam_chamber
+    from plantfit.models.library.tabled_process import tabled_first_order
     from plantfit.models.model import Declared, Delay, Model
-    from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
-    from plantfit.models.process import first_order, second_order
-    from plantfit.models.regression import LinearModel
-    from plantfit.models.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
-    from plantfit.models.steam_chamber import steam_chamber
-    from plantfit.models.tabled_process import tabled_first_order
-    from plantfit.models.tables import Table, lookup, lookup2
+    from plantfit.models.parts.friction import coulomb, lugre, stribeck, viscous
+    from plantfit.models.parts.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
+    from plantfit.models.parts.switching import Backlash, Event, Friction, StateDelay
+    from plantfit.models.parts.tables import Table, lookup, lookup2
+    from plantfit.models.text.equations import equations
 
 __all__ = [
     "Backlash",
@@ -70,21 +70,21 @@ __all__ = [
 names_of(
     __name__,
     {
-        "dc_motor": "dc_motor",
+        "library.dc_motor": "dc_motor",
         "describe": "describe",
-        "drive": "drive drive_regression",
-        "equations": "equations",
-        "events": "Backlash Event Friction StateDelay",
-        "friction": "coulomb lugre stribeck viscous",
-        "hammerstein_wiener": "hammerstein_wiener",
-        "library": "listing make models names",
+        "library.drive": "drive drive_regression",
+        "text.equations": "equations",
+        "parts.switching": "Backlash Event Friction StateDelay",
+        "parts.friction": "coulomb lugre stribeck viscous",
+        "library.hammerstein_wiener": "hammerstein_wiener",
+        "library.catalogue": "listing make models names",
         "model": "Declared Delay Model",
-        "pendubot": "motor_torque pendubot pendubot_regression",
-        "process": "first_order second_order",
-        "regression": "LinearModel",
-        "smooth": "quantize smooth_abs smooth_deadzone smooth_sat",
-        "steam_chamber": "steam_chamber",
-        "tabled_process": "tabled_first_order",
-        "tables": "Table lookup lookup2",
+        "library.pendubot": "motor_torque pendubot pendubot_regression",
+        "library.process": "first_order second_order",
+        "library.regression": "LinearModel",
+        "parts.smooth": "quantize smooth_abs smooth_deadzone smooth_sat",
+        "library.steam_chamber": "steam_chamber",
+        "library.tabled_process": "tabled_first_order",
+        "parts.tables": "Table lookup lookup2",
     },
 )

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from plantfit.models import library
+from plantfit.models.library import catalogue as library
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Declared, Model
-from plantfit.models.regression import LinearModel
 
 Row = tuple[str, str, str, str, str]
 

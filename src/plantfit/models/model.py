@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from plantfit.errors import ModelError
 from plantfit.models.check_model import check_declared
-from plantfit.models.events import Backlash, Event, Friction, StateDelay
+from plantfit.models.parts.switching import Backlash, Event, Friction, StateDelay
+from plantfit.models.parts.tables import Table
 from plantfit.models.remade import reduced
-from plantfit.models.tables import Table
 
 Named = Mapping[str, Any]
 Numbers = Any  # a number, or nested tuples of numbers in the shape of the parameter

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.native.compilation import address_of, key_of
-from plantfit.native.kernel import Program, Shape, count_nodes, make_kernel
+from plantfit.native.compile.compilation import address_of, key_of
+from plantfit.native.compile.processor import host
+from plantfit.native.emit.kernel import Program, Shape, count_nodes, make_kernel
 from plantfit.native.layout import Layout, choose_layout
-from plantfit.native.processor import host
 from plantfit.native.unsupported import NativeUnsupported
 
 # isort: split

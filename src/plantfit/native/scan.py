@@ -8,16 +8,16 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.folders import said_once
-from plantfit.native.compilation import find_libm
-from plantfit.native.graph import Graph, Node
-from plantfit.native.interface import refusal
-from plantfit.native.kernel import Program, Shape, make_kernel
-from plantfit.native.passes import run_passes
+from plantfit.native.compile.compilation import find_libm
+from plantfit.native.compile.interface import refusal
+from plantfit.native.compile.processor import available, host
+from plantfit.native.emit.kernel import Program, Shape, make_kernel
+from plantfit.native.graph.nodes import Graph, Node
+from plantfit.native.graph.values import LARGEST, Memory, Value, array_of, dtype_of
+from plantfit.native.passes.passes import run_passes
 from plantfit.native.primitive import Loop, loop_p, scan_used
-from plantfit.native.processor import available, host
-from plantfit.native.trace import Tracer, moves
+from plantfit.native.trace.jaxpr import Tracer, moves
 from plantfit.native.unsupported import NativeUnsupported
-from plantfit.native.values import LARGEST, Memory, Value, array_of, dtype_of
 
 # isort: split
 import jax

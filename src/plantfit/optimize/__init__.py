@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.optimize.checkpoint import Checkpoint
     from plantfit.optimize.contract import Facts, Host, Needs, Objective, Population, Refreshing, RunResult, Shrinking
-    from plantfit.optimize.counter import Counter
-    from plantfit.optimize.loop import minimise
-    from plantfit.optimize.progress import Progress
+    from plantfit.optimize.loop.checkpoint import Checkpoint
+    from plantfit.optimize.loop.counter import Counter
+    from plantfit.optimize.loop.entry import minimise
+    from plantfit.optimize.loop.progress import Progress
     from plantfit.optimize.registry import make, methods
 
 __all__ = [
@@ -32,11 +32,11 @@ __all__ = [
 names_of(
     __name__,
     {
-        "checkpoint": "Checkpoint",
+        "loop.checkpoint": "Checkpoint",
         "contract": "Facts Host Needs Objective Population Refreshing RunResult Shrinking",
-        "counter": "Counter",
-        "loop": "minimise",
-        "progress": "Progress",
+        "loop.counter": "Counter",
+        "loop.entry": "minimise",
+        "loop.progress": "Progress",
         "registry": "make methods",
     },
 )

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.problem.experiment import Experiment, split
+    from plantfit.problem.accuracy.verification import CheckedCost, Verified, checked_cost, verify
+    from plantfit.problem.evaluate.projection import Projection
+    from plantfit.problem.measure.experiment import Experiment, split
     from plantfit.problem.problem import Problem
-    from plantfit.problem.projection import Projection
-    from plantfit.problem.shooting import Shooting, Shot, shooting_start
-    from plantfit.problem.verification import CheckedCost, Verified, checked_cost, verify
+    from plantfit.problem.shooting.start import Shooting, Shot, shooting_start
 
 __all__ = [
     "CheckedCost",
@@ -28,10 +28,10 @@ __all__ = [
 names_of(
     __name__,
     {
-        "experiment": "Experiment split",
+        "measure.experiment": "Experiment split",
         "problem": "Problem",
-        "projection": "Projection",
-        "shooting": "Shooting Shot shooting_start",
-        "verification": "CheckedCost Verified checked_cost verify",
+        "evaluate.projection": "Projection",
+        "shooting.start": "Shooting Shot shooting_start",
+        "accuracy.verification": "CheckedCost Verified checked_cost verify",
     },
 )

@@ -8,12 +8,12 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SimulationError, SpaceError
-from plantfit.problem.experiment import Experiment, before_in_units, in_units
+from plantfit.problem.measure.experiment import Experiment, before_in_units, in_units
 from plantfit.problem.predictor import Predictor
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.steppers import ORDER
+from plantfit.simulate.steps.steppers import ORDER
 
 import jax
 import jax.numpy as jnp

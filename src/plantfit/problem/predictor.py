@@ -8,9 +8,9 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
-from plantfit.models.regression import LinearModel
-from plantfit.problem.experiment import Experiment, before_in_units
+from plantfit.problem.measure.experiment import Experiment, before_in_units
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steady import rest_channels, steady_outputs, steady_states
 

@@ -10,24 +10,24 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SpaceError
-from plantfit.models.clock_shift import with_clock_shift
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
-from plantfit.models.regression import LinearModel
-from plantfit.problem.batched import Batched
-from plantfit.problem.compress import compress
-from plantfit.problem.direct import Direct
-from plantfit.problem.experiment import Experiment, before_in_units, in_units
-from plantfit.problem.experiment import split as split_recording
-from plantfit.problem.mixed import Mixed
+from plantfit.models.parts.clock_shift import with_clock_shift
+from plantfit.problem.evaluate.batched import Batched
+from plantfit.problem.evaluate.compress import compress
+from plantfit.problem.evaluate.moving_and_steady import Mixed
+from plantfit.problem.evaluate.record_by_record import Direct
+from plantfit.problem.evaluate.smoothing import Smoothed, Smoothing
+from plantfit.problem.evaluate.triangle import compressed, triangle
+from plantfit.problem.measure.experiment import Experiment, before_in_units, in_units
+from plantfit.problem.measure.experiment import split as split_recording
+from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import Predictor, predictor_of
-from plantfit.problem.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
-from plantfit.problem.smoothing import Smoothed, Smoothing
 from plantfit.problem.told import problem_text
-from plantfit.problem.triangle import compressed, triangle
 from plantfit.recording.record import Recording
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.vector import vectorise
+from plantfit.simulate.steps.vector import vectorise
 from plantfit.space import Space
 
 import jax
@@ -106,7 +106,8 @@ class Problem:
         self.experiments = _experiments(recordings, split, skip, validate, *self.begins, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
-        self.mesh: Mapping[str, np.ndarray] = {}  # by recording, the times (s) beside samples at which steps end; see problem/mesh.py
+        # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py
+        self.mesh: Mapping[str, np.ndarray] = {}
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
         self.scales, self.scale_sources = self._scales(scales)

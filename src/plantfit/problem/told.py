@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.problem.experiment import Experiment
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.recording.told import listed, span
 
 

@@ -5,30 +5,30 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.recording.adjust import convert_units, detrend, scale, subtract
-    from plantfit.recording.arrays import from_arrays, read_mat, read_npz
-    from plantfit.recording.backdate import backdate
-    from plantfit.recording.csv import read_csv
-    from plantfit.recording.cutoff import Cutoff, cutoff_frequency
-    from plantfit.recording.derivative import differentiate
+    from plantfit.recording.clean.adjust import convert_units, detrend, scale, subtract
+    from plantfit.recording.clean.cutoff import Cutoff, cutoff_frequency
+    from plantfit.recording.clean.filters import lowpass
+    from plantfit.recording.clean.gaps import fill_gaps
+    from plantfit.recording.clean.levels import levels
+    from plantfit.recording.clean.outliers import drop_outliers
+    from plantfit.recording.clean.parts import cut, shift_time, split
+    from plantfit.recording.clean.resampling import decimate, resample
+    from plantfit.recording.clean.sampling import period_of
     from plantfit.recording.description import ColumnSummary, Description, describe
-    from plantfit.recording.differentiation import DerivativeError, compare_derivatives
-    from plantfit.recording.encoder import counts_to_angle, counts_to_speed, period_to_speed
-    from plantfit.recording.filters import lowpass
-    from plantfit.recording.gaps import fill_gaps
-    from plantfit.recording.levels import levels
-    from plantfit.recording.motion import smooth_motion
-    from plantfit.recording.moving_rms import moving_rms
-    from plantfit.recording.odometry import odometry
-    from plantfit.recording.outliers import drop_outliers
-    from plantfit.recording.parts import cut, shift_time, split
-    from plantfit.recording.presliding import presliding
-    from plantfit.recording.pwm import duty_to_voltage
-    from plantfit.recording.readers import read
+    from plantfit.recording.read.any_format import read
+    from plantfit.recording.read.arrays import from_arrays, read_mat, read_npz
+    from plantfit.recording.read.csv import read_csv
+    from plantfit.recording.read.tables import from_frame, read_parquet, read_xlsx
     from plantfit.recording.record import Recording, Signal
-    from plantfit.recording.resampling import decimate, resample
-    from plantfit.recording.sampling import period_of
-    from plantfit.recording.tables import from_frame, read_parquet, read_xlsx
+    from plantfit.recording.signals.backdate import backdate
+    from plantfit.recording.signals.derivative import differentiate
+    from plantfit.recording.signals.differentiation import DerivativeError, compare_derivatives
+    from plantfit.recording.signals.encoder import counts_to_angle, counts_to_speed, period_to_speed
+    from plantfit.recording.signals.motion import smooth_motion
+    from plantfit.recording.signals.moving_rms import moving_rms
+    from plantfit.recording.signals.odometry import odometry
+    from plantfit.recording.signals.presliding import presliding
+    from plantfit.recording.signals.pwm import duty_to_voltage
     from plantfit.recording.write import to_csv
 
 __all__ = [
@@ -79,30 +79,30 @@ __all__ = [
 names_of(
     __name__,
     {
-        "adjust": "convert_units detrend scale subtract",
-        "arrays": "from_arrays read_mat read_npz",
-        "backdate": "backdate",
-        "csv": "read_csv",
-        "cutoff": "Cutoff cutoff_frequency",
-        "derivative": "differentiate",
+        "clean.adjust": "convert_units detrend scale subtract",
+        "read.arrays": "from_arrays read_mat read_npz",
+        "signals.backdate": "backdate",
+        "read.csv": "read_csv",
+        "clean.cutoff": "Cutoff cutoff_frequency",
+        "signals.derivative": "differentiate",
         "description": "ColumnSummary Description describe",
-        "differentiation": "DerivativeError compare_derivatives",
-        "encoder": "counts_to_angle counts_to_speed period_to_speed",
-        "filters": "lowpass",
-        "gaps": "fill_gaps",
-        "levels": "levels",
-        "motion": "smooth_motion",
-        "moving_rms": "moving_rms",
-        "odometry": "odometry",
-        "outliers": "drop_outliers",
-        "parts": "cut shift_time split",
-        "presliding": "presliding",
-        "pwm": "duty_to_voltage",
-        "readers": "read",
+        "signals.differentiation": "DerivativeError compare_derivatives",
+        "signals.encoder": "counts_to_angle counts_to_speed period_to_speed",
+        "clean.filters": "lowpass",
+        "clean.gaps": "fill_gaps",
+        "clean.levels": "levels",
+        "signals.motion": "smooth_motion",
+        "signals.moving_rms": "moving_rms",
+        "signals.odometry": "odometry",
+        "clean.outliers": "drop_outliers",
+        "clean.parts": "cut shift_time split",
+        "signals.presliding": "presliding",
+        "signals.pwm": "duty_to_voltage",
+        "read.any_format": "read",
         "record": "Recording Signal",
-        "resampling": "decimate resample",
-        "sampling": "period_of",
-        "tables": "from_frame read_parquet read_xlsx",
+        "clean.resampling": "decimate resample",
+        "clean.sampling": "period_of",
+        "read.tables": "from_frame read_parquet read_xlsx",
         "write": "to_csv",
     },
 )

@@ -6,7 +6,7 @@ from typing import Any
 
 from plantfit.report import html
 from plantfit.report.drawings import Drawings
-from plantfit.report.tables import Table
+from plantfit.report.sections.tables import Table
 
 _NUMBER_STARTS = set("0123456789+-\u2212\u00b1<>~")
 

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from plantfit.report import comparison_tables as tables
 from plantfit.report import html
-from plantfit.report.comparison_section import said, section
 from plantfit.report.drawings import Drawings
 from plantfit.report.figures import comparison_curves
-from plantfit.report.sentences import listed, many
+from plantfit.report.sections import comparison_tables as tables
+from plantfit.report.sections.comparison import said, section
+from plantfit.report.sections.sentences import listed, many
 
 
 def write_comparison(record: Mapping[str, Any], path: str | Path) -> Path:

@@ -13,12 +13,14 @@ import jinja2
 from markupsafe import Markup
 
 from plantfit.errors import StoreError
-from plantfit.report import comparison_section, figures, sentences, tables, uncertainty_tables
+from plantfit.report import figures
 from plantfit.report.drawings import Drawings, embedded
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
 from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
 from plantfit.report.schema import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
+from plantfit.report.sections import comparison as comparison_section
+from plantfit.report.sections import sentences, tables, uncertainty_tables
 
 _UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 CONFIG = {

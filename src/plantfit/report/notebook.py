@@ -6,10 +6,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from plantfit.report import sentences, tables
 from plantfit.report.html import template_text
 from plantfit.report.plot import light_colours
 from plantfit.report.schema import read_findings
+from plantfit.report.sections import sentences, tables
 
 MOST_ROWS = 60  # parameters and entries of tables
 TONES = ("good", "warning", "bad", "info")

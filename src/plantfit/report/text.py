@@ -6,9 +6,9 @@ from typing import Any
 
 from plantfit.report.numbers import plus_minus, significant
 from plantfit.report.schema import Findings, Parameter, Score, read_findings
-from plantfit.report.sentences import LEVELS, no_validation, parameter_status, subtitle
-from plantfit.report.tables import Table, parameter_interval, statuses, weights_table
-from plantfit.report.uncertainty_tables import budgets_of, widened_table
+from plantfit.report.sections.sentences import LEVELS, no_validation, parameter_status, subtitle
+from plantfit.report.sections.tables import Table, parameter_interval, statuses, weights_table
+from plantfit.report.sections.uncertainty_tables import budgets_of, widened_table
 
 WIDTH = 100
 
@@ -75,7 +75,7 @@ def uncertainty_text(findings: Mapping[str, Any]) -> str:
 
 
 def budgets_text(budgets: Sequence[Mapping[str, Any]]) -> str:
-    """Budgets as `plantfit.trust.reading_budgets` gives them."""
+    """Budgets as `plantfit.trust.stated_errors.reading_budgets` gives them."""
     return "\n\n".join(f"{_line(b.caption)}\n{_grid(b)}" for b in budgets_of(budgets, True))
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.models.dc_motor import dc_motor
+from plantfit.models.library.dc_motor import dc_motor
 from plantfit.native import native_scan
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.encoder import capture
 from plantfit.rig.run import RigRun
-from plantfit.simulate.steppers import rk4
-from plantfit.simulate.vector import VectorModel, vectorise
+from plantfit.simulate.steps.steppers import rk4
+from plantfit.simulate.steps.vector import VectorModel, vectorise
 
 import jax
 import jax.numpy as jnp

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.signal import cont2discrete
 
-from plantfit.control.riccati import filter_gain, regulator_gain
+from plantfit.control.linear.riccati import filter_gain, regulator_gain
 from plantfit.errors import SimulationError
 
 

@@ -10,17 +10,17 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.models.pendubot import motor_torque, pendubot
-from plantfit.models.pendubot_terms import BASE_UNITS, base_values
+from plantfit.models.library.pendubot import motor_torque, pendubot
+from plantfit.models.library.pendubot_terms import BASE_UNITS, base_values
 from plantfit.native import native_scan
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.lqg import Lqg, Weights, scheduled_lqg
 from plantfit.rig.pendubot_reference import UPRIGHT, Reference, upright_reference
 from plantfit.rig.run import RigRun
 from plantfit.rig.trajectories import Move
-from plantfit.simulate.sensors import rounded
-from plantfit.simulate.steppers import rk4
-from plantfit.simulate.vector import VectorModel, vectorise
+from plantfit.simulate.loop.sensors import rounded
+from plantfit.simulate.steps.steppers import rk4
+from plantfit.simulate.steps.vector import VectorModel, vectorise
 
 import jax
 import jax.numpy as jnp
@@ -37,7 +37,7 @@ class PendubotRig:
     """A pendubot that moves from pose to pose with link 2 upright, and what its sensors record of it.
 
     `parameters` are the truth: the links (kg, m, kg m^2), the motor (N m/A, V s/rad, ohm; MOTOR unless given) and a value for
-    every coefficient of `friction`, whose parts are those of `plantfit.models.pendubot`. `poses` are moves of theta1 (rad).
+    every coefficient of `friction`, whose parts are those of `plantfit.models.library.pendubot`. `poses` are moves of theta1 (rad).
     `counts` per revolution of both encoders, `voltage_noise` (V) on the recorded voltage, +-`limit` (V) of the amplifier,
     one voltage per `period` (s). The controller, an LQG about the reference, knows the truth but for friction.
 

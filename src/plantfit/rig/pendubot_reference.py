@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from plantfit.models.pendubot import pendubot_regression
+from plantfit.models.library.pendubot import pendubot_regression
 from plantfit.rig.trajectories import Move, RestToRest
 
 UPRIGHT = np.pi / 2  # theta1 + theta2 with link 2 on end

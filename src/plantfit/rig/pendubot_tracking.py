@@ -8,20 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.design import Design
-from plantfit.control.kalman import Estimator, kalman_observer
-from plantfit.control.linear_plant import LinearPlant, linearised
-from plantfit.control.lqr import lqr
-from plantfit.control.torque_drive import through_motor
+from plantfit.control.linear.design import Design
+from plantfit.control.linear.kalman import Estimator, kalman_observer
+from plantfit.control.linear.linear_plant import LinearPlant, linearised
+from plantfit.control.linear.lqr import lqr
+from plantfit.control.linear.torque_drive import through_motor
+from plantfit.models.library.pendubot import pendubot
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.models.model import Model
-from plantfit.models.motor_driven import motor_driven
-from plantfit.models.pendubot import pendubot
-from plantfit.models.pendubot_terms import base_values
+from plantfit.models.parts.motor_driven import motor_driven
 from plantfit.rig.pendubot import MEASURED
 from plantfit.rig.pendubot_reference import UPRIGHT, upright_reference
 from plantfit.rig.trajectories import Move
-from plantfit.simulate.closed_loop import ClosedLoop, Trajectory
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import ClosedLoop, Trajectory
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 MOVES = (Move(1.0, 2.0, UPRIGHT + np.pi / 9), Move(4.5, 2.5, UPRIGHT - np.pi / 9), Move(8.5, 2.0, UPRIGHT))
 

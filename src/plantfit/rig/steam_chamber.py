@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
-from plantfit.models.steam_chamber import steam_chamber
+from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.run import RigRun
 from plantfit.simulate.simulator import Simulator

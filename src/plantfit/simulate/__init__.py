@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.simulate.closed_loop import ClosedLoop, Controller, Observer, closed_loop
-    from plantfit.simulate.sensors import Actuator, Sensor
+    from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, Observer, closed_loop
+    from plantfit.simulate.loop.sensors import Actuator, Sensor
     from plantfit.simulate.simulator import Drive, Simulator
 
 __all__ = ["Actuator", "ClosedLoop", "Controller", "Drive", "Observer", "Sensor", "Simulator", "closed_loop"]
@@ -14,8 +14,8 @@ __all__ = ["Actuator", "ClosedLoop", "Controller", "Drive", "Observer", "Sensor"
 names_of(
     __name__,
     {
-        "closed_loop": "ClosedLoop Controller Observer closed_loop",
-        "sensors": "Actuator Sensor",
+        "loop.closed_loop": "ClosedLoop Controller Observer closed_loop",
+        "loop.sensors": "Actuator Sensor",
         "simulator": "Drive Simulator",
     },
 )

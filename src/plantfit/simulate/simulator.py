@@ -9,15 +9,15 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.model import Model
-from plantfit.simulate.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
-from plantfit.simulate.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
-from plantfit.simulate.history import Lag, delayed_rollout, history_grid, ring_length
-from plantfit.simulate.linear import exact_step
-from plantfit.simulate.rollout import make_rollout
-from plantfit.simulate.steppers import STEPPERS
-from plantfit.simulate.structure import is_linear
-from plantfit.simulate.times import known_times
-from plantfit.simulate.vector import VectorModel, vectorise
+from plantfit.simulate.records.rollout import make_rollout
+from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
+from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length
+from plantfit.simulate.steps.linear import exact_step
+from plantfit.simulate.steps.steppers import STEPPERS
+from plantfit.simulate.steps.structure import is_linear
+from plantfit.simulate.steps.times import known_times
+from plantfit.simulate.steps.vector import VectorModel, vectorise
 
 import jax
 import jax.numpy as jnp

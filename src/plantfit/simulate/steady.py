@@ -12,8 +12,8 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
-from plantfit.simulate.steppers import factored
-from plantfit.simulate.vector import Scalars, VectorModel
+from plantfit.simulate.steps.steppers import factored
+from plantfit.simulate.steps.vector import Scalars, VectorModel
 
 import jax
 import jax.numpy as jnp

@@ -43,7 +43,7 @@ def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
 
 def check_problem(problem: "Problem", table: SpecTable, path: Path) -> None:
     """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future."""
-    from plantfit.models.clock_shift import shift_name  # loads jax, and `check_tables` comes before it
+    from plantfit.models.parts.clock_shift import shift_name  # loads jax, and `check_tables` comes before it
 
     if problem.space.dimension > MOST_COORDINATES:
         raise SpecError(

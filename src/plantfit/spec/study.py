@@ -7,10 +7,11 @@ from pathlib import Path
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
-from plantfit.models import equations, library
-from plantfit.models.clock_shift import shift_name
+from plantfit.models import equations
+from plantfit.models.library import catalogue as library
+from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
-from plantfit.models.regression import LinearModel
+from plantfit.models.parts.clock_shift import shift_name
 from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.problem import StudyFile
@@ -20,7 +21,7 @@ from plantfit.spec.recordings import experiment_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
-from plantfit.trust.shared_error import SharedError
+from plantfit.trust.stated_errors.shared_error import SharedError
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def _from_text(table: SpecTable) -> Model:
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
         raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
-    from plantfit.problem.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
+    from plantfit.problem.measure.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
 
     with _naming(f"{path.name}, [model] filter_alike"):
         columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())

@@ -11,8 +11,8 @@ from plantfit import units
 from plantfit.errors import PlantfitError, SpecError, UnitError
 from plantfit.problem import Problem
 from plantfit.spec.tables import SpecTable, UncertaintyTable
-from plantfit.trust.shared_error import Kind, SharedError
-from plantfit.trust.uncertainty_budget import Source, type_a, type_b
+from plantfit.trust.stated_errors.shared_error import Kind, SharedError
+from plantfit.trust.stated_errors.uncertainty_budget import Source, type_a, type_b
 
 SIZES = ("limit", "standard", "expanded", "repeats")
 KINDS = ("offset", "gain", "zero", "full scale")

@@ -12,15 +12,9 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.study.basins import Basin, basins
+    from plantfit.study.comparing.basins import Basin, basins
     from plantfit.study.comparing.pairwise import Comparison, a12, compare, holm
-    from plantfit.study.helper_processes import helping
-    from plantfit.study.objective import objective_of
-    from plantfit.study.plan import Plan, Task, tasks
-    from plantfit.study.progress import StudyProgress
-    from plantfit.study.records import RunRecord, StudyRecord
-    from plantfit.study.runner import begin, resume, run
-    from plantfit.study.statistics import (
+    from plantfit.study.comparing.statistics import (
         Summary,
         bootstrap_interval,
         costs_by_method,
@@ -31,7 +25,13 @@ if TYPE_CHECKING:
         t_interval,
         wilson_interval,
     )
-    from plantfit.study.store import Store
+    from plantfit.study.objective import objective_of
+    from plantfit.study.plan import Plan, Task, tasks
+    from plantfit.study.run.helper_processes import helping
+    from plantfit.study.run.runner import begin, resume, run
+    from plantfit.study.run.study_progress import StudyProgress
+    from plantfit.study.store.records import RunRecord, StudyRecord
+    from plantfit.study.store.store import Store
     from plantfit.study.versions import cpu_model, versions
 
 __all__ = [
@@ -69,17 +69,17 @@ __all__ = [
 names_of(
     __name__,
     {
-        "basins": "Basin basins",
+        "comparing.basins": "Basin basins",
         "comparing.pairwise": "Comparison a12 compare holm",
-        "helper_processes": "helping",
+        "run.helper_processes": "helping",
         "objective": "objective_of",
         "plan": "Plan Task tasks",
-        "progress": "StudyProgress",
-        "records": "RunRecord StudyRecord",
-        "runner": "begin resume run",
-        "statistics": "Summary bootstrap_interval costs_by_method "
+        "run.study_progress": "StudyProgress",
+        "store.records": "RunRecord StudyRecord",
+        "run.runner": "begin resume run",
+        "comparing.statistics": "Summary bootstrap_interval costs_by_method "
         "evaluations_to_target expected_running_time success_rate summarise t_interval wilson_interval",
-        "store": "Store",
+        "store.store": "Store",
         "versions": "cpu_model versions",
     },
 )

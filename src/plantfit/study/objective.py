@@ -4,10 +4,10 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Objective
-from plantfit.problem.points import several
+from plantfit.problem.evaluate.points import several
+from plantfit.problem.evaluate.projection import Projection
+from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.problem import Problem
-from plantfit.problem.projection import Projection
-from plantfit.problem.triangle import triangle
 
 SIDE_BY_SIDE = 500_000  # entries of a Jacobian of which several fit into memory at once
 

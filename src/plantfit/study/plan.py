@@ -6,7 +6,7 @@ from typing import Any
 
 from plantfit.errors import SearchError
 from plantfit.optimize import registry
-from plantfit.study.codec import plain
+from plantfit.study.store.codec import plain
 
 MOST_RUNS = 1_000_000  # their tasks are rows of the store and stand in memory
 LIMIT = 2**31  # what `minimise` counts to

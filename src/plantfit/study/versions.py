@@ -16,7 +16,7 @@ def versions() -> dict[str, str]:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             found[package] = "not installed"
-    from plantfit.native.interface import engine  # imports jax
+    from plantfit.native.compile.interface import engine  # imports jax
 
     return found | {"searches": str(SEARCHES), "engine": engine(), "system": f"{platform.system()} {platform.machine()}"}
 

@@ -7,26 +7,26 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import RunResult
+from plantfit.problem.accuracy.verification import followed, least_exact
 from plantfit.problem.problem import Problem
-from plantfit.problem.verification import followed, least_exact
+from plantfit.simulate.check.verify import by_doubling, check_steps
 from plantfit.simulate.simulator import Drive
-from plantfit.simulate.verify import by_doubling, check_steps
-from plantfit.study.basins import basins
+from plantfit.study.comparing.basins import basins
 from plantfit.study.versions import cpu_model, versions
-from plantfit.trust.agreement import SAME, agreement, opened
-from plantfit.trust.determined import determined_findings
-from plantfit.trust.finish import CHECKED, rounding
-from plantfit.trust.following import followed_ranges
-from plantfit.trust.local import EDGE as EDGE
-from plantfit.trust.local import Local, linearise
-from plantfit.trust.parameters import NOT_VISITED, parameter_rows, table_rows
-from plantfit.trust.residual_tests import cross_correlation, independent, whiteness
-from plantfit.trust.shared_error import SharedError
-from plantfit.trust.smoothing_strength import smoothing_rows
-from plantfit.trust.table_visits import agreeing, table_visits
-from plantfit.trust.uncertainty_findings import uncertainty_findings
-from plantfit.trust.verdict import sentences
-from plantfit.trust.weights import weight_rows
+from plantfit.trust.finish.agreement import SAME, agreement, opened
+from plantfit.trust.finish.final_problem import CHECKED, rounding
+from plantfit.trust.finish.smoothing_strength import smoothing_rows
+from plantfit.trust.finish.weights import weight_rows
+from plantfit.trust.identify.determined import determined_findings
+from plantfit.trust.identify.table_visits import agreeing, table_visits
+from plantfit.trust.intervals.following import followed_ranges
+from plantfit.trust.intervals.linearised import EDGE as EDGE
+from plantfit.trust.intervals.linearised import Local, linearise
+from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.stated_errors.findings import uncertainty_findings
+from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.validate.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.verdict.all_sentences import sentences
 
 
 def assess(

@@ -5,22 +5,22 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cases.double_pendulum import sections
-from plantfit.cases.double_pendulum.fit_law import fit_law, rmse_of, standard_errors, torque_scores
-from plantfit.cases.double_pendulum.forward import angle_scores, published_law, simulated
-from plantfit.cases.double_pendulum.laws import LAWS
+from plantfit.cases.double_pendulum.fits.fit_law import fit_law, rmse_of, standard_errors, torque_scores
+from plantfit.cases.double_pendulum.fits.forward import angle_scores, published_law, simulated
+from plantfit.cases.double_pendulum.fits.laws import LAWS
+from plantfit.cases.double_pendulum.fits.results import Results, torque_over_all
+from plantfit.cases.double_pendulum.fits.runs import Run
 from plantfit.cases.double_pendulum.reference import PUBLISHED, RUNS, published, read_runs, reference_prediction, reference_torque
-from plantfit.cases.double_pendulum.results import Results, torque_over_all
-from plantfit.cases.double_pendulum.runs import Run
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file
-from plantfit.cases.record import figure, record
-from plantfit.trust.cross_validation import choose, leave_one_out
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file
+from plantfit.cases.shared.record import figure, record
+from plantfit.trust.validate.cross_validation import choose, leave_one_out
 
 TITLE = "Double pendulum, both joints, real hardware"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     folder = unpack("double_pendulum", folder)
     study = folder / "torque.toml"
     answer = fit_file(study, progress)

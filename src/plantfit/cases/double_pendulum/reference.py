@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 import plantfit.recording as rec
-from plantfit.models.pendubot import pendubot_regression
-from plantfit.models.regression import LinearModel
+from plantfit.models.library.pendubot import pendubot_regression
+from plantfit.models.library.regression import LinearModel
 
 RUNS = ("143339", "143601", "143747", "144115", "154220")
 L1, GEAR = 0.2, 6.0

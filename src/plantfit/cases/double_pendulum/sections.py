@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.double_pendulum.fit_law import predicted
-from plantfit.cases.double_pendulum.laws import PLAIN, Fitted
+from plantfit.cases.double_pendulum.fits.fit_law import predicted
+from plantfit.cases.double_pendulum.fits.laws import PLAIN, Fitted
+from plantfit.cases.double_pendulum.fits.results import Results, torque_over_all
+from plantfit.cases.double_pendulum.fits.runs import Run
 from plantfit.cases.double_pendulum.reference import EDGE, PUBLISHED, RUNS, published, reference_torque
-from plantfit.cases.double_pendulum.results import Results, torque_over_all
-from plantfit.cases.double_pendulum.runs import Run
 from plantfit.recording import cutoff_frequency, resample
-from plantfit.recording.differentiation import compare_derivatives
+from plantfit.recording.signals.differentiation import compare_derivatives
 from plantfit.report.figures import style
-from plantfit.trust.base_parameters import base_parameters
-from plantfit.trust.words import number
+from plantfit.trust.identify.base_parameters import base_parameters
+from plantfit.trust.verdict.words import number
 
 Section = dict[str, Any]
 PHYSICAL = ("I1", "I2", "m2", "Ir", "m1r1", "m2r2", "b1", "b2", "cf1", "cf2")

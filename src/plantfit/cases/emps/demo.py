@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.emps import kalman
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, part, residual, rms
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, part, residual, rms
+from plantfit.cases.shared.record import figure, record
 from plantfit.fitting import Answer
 
 REGRESSED = {"M": 95.116, "Fv": 203.37, "Fc": 20.409, "offset": -3.170}
@@ -18,7 +18,7 @@ IDIM = "separate inverse dynamic regression, same record"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     folder = unpack("emps", folder)
     files = [folder / name for name in ("force.toml", "free_run.toml", "closed_loop.toml")]
     force, free, closed = (fit_file(file, progress) for file in files)

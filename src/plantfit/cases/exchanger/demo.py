@@ -8,11 +8,11 @@ import numpy as np
 
 from plantfit.cases.exchanger.halves import between_levels, refitted
 from plantfit.cases.exchanger.sections import levels_section, map_section, unseen_section
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, part, residual, rms
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, part, residual, rms
+from plantfit.cases.shared.record import figure, record
 from plantfit.fitting import Answer
-from plantfit.recording.levels import levels
+from plantfit.recording.clean.levels import levels
 from plantfit.recording.record import Recording
 
 FILES = ("table.toml", "linear.toml", "june.toml", "june_linear.toml")
@@ -20,7 +20,7 @@ BEFORE = 30.0  # s ahead of a step whose mean error is taken off
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     place = unpack("exchanger", folder)
     files = [place / name for name in FILES]
     table, linear, june, june_linear = answers = [fit_file(file, progress) for file in files]

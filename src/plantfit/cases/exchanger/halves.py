@@ -10,7 +10,7 @@ from plantfit.fitting import Answer, fit
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
 from plantfit.recording import subtract
-from plantfit.recording.levels import levels
+from plantfit.recording.clean.levels import levels
 from plantfit.recording.record import Recording
 from plantfit.space import Parameter
 from plantfit.spec import parse

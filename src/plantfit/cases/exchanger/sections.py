@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.fitting import rms
-from plantfit.cases.followed import followed_figure
+from plantfit.cases.shared.fitting import rms
+from plantfit.cases.shared.followed import followed_figure
 from plantfit.fitting import Answer
-from plantfit.recording.levels import levels
+from plantfit.recording.clean.levels import levels
 from plantfit.recording.record import Recording
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
-from plantfit.trust.dead_time import dead_time
-from plantfit.trust.level_responses import LevelResponse, level_responses
-from plantfit.trust.profile import profile
+from plantfit.trust.intervals.profile import profile
+from plantfit.trust.validate.dead_time import dead_time
+from plantfit.trust.validate.level_responses import LevelResponse, level_responses
 
 
 def unseen_section(

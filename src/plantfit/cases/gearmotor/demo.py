@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, part, residual, rms
 from plantfit.cases.gearmotor.joint import SETTLING, joint_figures, joint_sentence
 from plantfit.cases.gearmotor.steady import steady_speed
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, part, residual, rms
+from plantfit.cases.shared.record import figure, record
 from plantfit.fitting import Answer
 from plantfit.recording import read
 
@@ -18,7 +18,7 @@ LINEAR = "first-order model with dead time about the mean, same halves"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     file = unpack("gearmotor", folder) / "gearmotor.toml"
     both = file.with_name("static_and_prbs.toml")
     answer, joint = fit_file(file, progress), fit_file(both, progress)

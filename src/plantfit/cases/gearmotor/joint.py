@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.fitting import part, residual, rms
-from plantfit.cases.record import figure
+from plantfit.cases.shared.fitting import part, residual, rms
+from plantfit.cases.shared.record import figure
 from plantfit.fitting import Answer
 
 SETTLING = 3.0  # s at the start of the second half that the reference leaves out as well

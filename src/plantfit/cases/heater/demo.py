@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, part, residual, rms
-from plantfit.cases.followed import followed_figure
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, part, residual, rms
+from plantfit.cases.shared.followed import followed_figure
+from plantfit.cases.shared.record import figure, record
 from plantfit.fitting import Answer
-from plantfit.trust.dead_time import dead_time
-from plantfit.trust.profile import profile
+from plantfit.trust.intervals.profile import profile
+from plantfit.trust.validate.dead_time import dead_time
 
 OWN = "simulation with the delayed input's mean, fitted by scipy (own)"
 APART = "a first order with dead time for each heater, same halves, by scipy (own)"
@@ -22,7 +22,7 @@ ALONE = {"y1": 0.922, "y2": 6.09}  # K, RMSE on the second half
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     place = unpack("heater", folder)
     files = [place / f"{name}.toml" for name in ("first_order", "second_order", "two_heaters")]
     answers = [fit_file(file, progress) for file in files]

@@ -12,7 +12,7 @@ from plantfit.cases.motor.methods import GA, Methods
 from plantfit.cases.motor.speed_law import LABELS, Laws, coefficients, fitted_laws, with_speed
 from plantfit.cases.motor.surrogate import surrogate_speeds
 from plantfit.fitting import Answer
-from plantfit.trust.words import number
+from plantfit.trust.verdict.words import number
 
 NAMES = ("Rm", "Lm", "Kb", "Jm", "Cm", "Tf")
 

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH, bench
 from plantfit.cases.motor.constants_section import Targets, constants_section, inside_of, targets
 from plantfit.cases.motor.identifiability_section import identifiability_section
@@ -16,8 +14,10 @@ from plantfit.cases.motor.methods_section import methods_section, spread
 from plantfit.cases.motor.record_sections import bench_section, surrogate_section
 from plantfit.cases.motor.surrogate import Surrogate, surrogate, two_errors_record
 from plantfit.cases.motor.tracking_section import tracking_section
-from plantfit.cases.record import figure, record
-from plantfit.cases.stages import stages
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file
+from plantfit.cases.shared.record import figure, record
+from plantfit.cases.shared.stages import stages
 from plantfit.fitting import Answer
 from plantfit.recording import to_csv
 from plantfit.spec import load
@@ -28,7 +28,7 @@ SUBTITLE = "A surrogate, two error signals and a genetic algorithm without a cur
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`; `full` makes 50 runs of 11 searches and compares 40 records."""
+    """See `plantfit.cases.shared.registry.demos`; `full` makes 50 runs of 11 searches and compares 40 records."""
     folder, made = unpack("motor", folder), bench()
     to_csv(made.recording, folder / "motor.csv")
     made.run.save(folder / "board")

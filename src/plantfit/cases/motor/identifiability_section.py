@@ -10,10 +10,10 @@ from plantfit.cases.motor.bench import TRUTH
 from plantfit.cases.motor.figures import along_figure
 from plantfit.cases.motor.methods import parts_at
 from plantfit.cases.motor.speed_law import LABELS, LAW, UNITS, Laws, coefficients
-from plantfit.models.dc_motor import dc_motor
+from plantfit.models.library.dc_motor import dc_motor
 from plantfit.problem import Problem
 from plantfit.trust import FlatCurve, Measurement, combinations, flat_curves, openings
-from plantfit.trust.words import number
+from plantfit.trust.verdict.words import number
 
 SPEED = 60.0  # rad/s, of the tests that a workshop could make
 SHOWN = 40  # points along a flat curve

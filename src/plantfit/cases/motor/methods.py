@@ -11,12 +11,12 @@ from plantfit.cases.motor.bench import TRUTH
 from plantfit.fitting import prepare
 from plantfit.optimize import RunResult, minimise
 from plantfit.problem import Problem
-from plantfit.problem.experiment import Experiment
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.spec.study import Study
 from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
 from plantfit.study.objective import objective_of
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 # what is compared: the label, the method and what is set of it beside the study file
 GA = {"GA, 0.4 by fractions": {"rates": "fractions"}, "GA, 0.4 by individual": {"rates": "individual"}}

@@ -10,7 +10,7 @@ from plantfit.optimize import RunResult
 from plantfit.report.figures.comparison_answers import parallel_figure
 from plantfit.report.figures.comparison_costs import distribution_figure
 from plantfit.report.figures.comparison_curves import quartiles_figure
-from plantfit.trust.words import number
+from plantfit.trust.verdict.words import number
 
 COLUMNS = ["method", "best", "median", "worst", "evaluations", "seconds a run"]
 

@@ -8,7 +8,7 @@ from plantfit.cases.motor.bench import OLDEST, PERIOD, PUBLISHED, TRUTH, UNITS, 
 from plantfit.cases.motor.figures import signals_figure
 from plantfit.cases.motor.surrogate import BLOCKS, Surrogate
 from plantfit.report.figures import style
-from plantfit.trust.words import number
+from plantfit.trust.verdict.words import number
 
 Section = dict[str, Any]
 

@@ -9,13 +9,13 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.motor.bench import Bench
 from plantfit.fitting import Answer, fit
-from plantfit.models.hammerstein_wiener import hammerstein_wiener
+from plantfit.models.library.hammerstein_wiener import hammerstein_wiener
 from plantfit.optimize import minimise
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
-from plantfit.trust.blocks_left_out import Structure, StructureChoice, choose_structure
+from plantfit.trust.validate.blocks_left_out import Structure, StructureChoice, choose_structure
 
 ORDERS, BLOCKS = (1, 2, 3), 5  # blocks of one round of the excitation each
 NODES = {"from": -12, "to": 12, "count": 7}  # V at rest

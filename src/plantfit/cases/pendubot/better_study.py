@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-from plantfit.cases.pendubot.control_section import control_section
 from plantfit.cases.pendubot.cross_check import forward_fit, inverse_fit
-from plantfit.cases.pendubot.cross_check_section import cross_check_section
-from plantfit.cases.pendubot.experiment_section import experiment_section
-from plantfit.cases.pendubot.identifiability_section import identifiability_section
+from plantfit.cases.pendubot.sections.control_section import control_section
+from plantfit.cases.pendubot.sections.cross_check_section import cross_check_section
+from plantfit.cases.pendubot.sections.experiment_section import experiment_section
+from plantfit.cases.pendubot.sections.identifiability_section import identifiability_section
 from plantfit.cases.pendubot.torque import torque_record
-from plantfit.cases.stages import stages
-from plantfit.models.pendubot_terms import base_values
+from plantfit.cases.shared.stages import stages
+from plantfit.models.library.pendubot_terms import base_values
 from plantfit.recording import cut
 from plantfit.rig import PendubotRig
 

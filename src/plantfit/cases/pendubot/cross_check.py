@@ -17,10 +17,10 @@ from plantfit.estimate import (
     windows,
 )
 from plantfit.fitting import estimate_at, gauss_newton
-from plantfit.models.pendubot import motor_torque, pendubot, pendubot_regression
-from plantfit.models.pendubot_terms import BASE_UNITS, base_values
+from plantfit.models.library.pendubot import motor_torque, pendubot, pendubot_regression
+from plantfit.models.library.pendubot_terms import BASE_UNITS, base_values
 from plantfit.problem import Problem
-from plantfit.problem.shooting import Shooting, Shot
+from plantfit.problem.shooting.start import Shooting, Shot
 from plantfit.recording.record import Recording
 from plantfit.rig import PendubotRig
 from plantfit.space import Parameter

@@ -6,19 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file
 from plantfit.cases.pendubot.better_study import better_study
 from plantfit.cases.pendubot.paper_study import PaperStudy, paper_study
 from plantfit.cases.pendubot.torque import torque_record, write_record
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file
+from plantfit.cases.shared.record import figure, record
 
 TITLE = "Pendubot on a virtual rig"
 SMALL, WHOLE = (60, 20, 20), (1000, 100, 1000)  # runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`; `full` makes 1000 runs of each method instead of 60."""
+    """See `plantfit.cases.shared.registry.demos`; `full` makes 1000 runs of each method instead of 60."""
     folder = unpack("pendubot", folder)
     file, made = folder / "torque.toml", torque_record()
     write_record(made, folder)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.double_pendulum import Motion, rigid_terms, torque_columns
+from plantfit.models.library.double_pendulum import Motion, rigid_terms, torque_columns
 from plantfit.rig import PendubotRig
 from plantfit.rig.lqg import Lqg, scheduled_lqg
 from plantfit.rig.pendubot import run_closed_loop, voltage_plant
 from plantfit.rig.pendubot_reference import UPRIGHT, FlatOutput
 from plantfit.rig.trajectories import Move
-from plantfit.simulate.vector import VectorModel
+from plantfit.simulate.steps.vector import VectorModel
 
 import jax.numpy as jnp
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plantfit.cases.pendubot.paper_section import Section, errata_section, gap_section, record_section, results_section
+from plantfit.cases.pendubot.sections.paper_section import Section, errata_section, gap_section, record_section, results_section
 from plantfit.cases.pendubot.stagnation import bound_bias, explained, salps_in, stagnation, valley
 from plantfit.cases.pendubot.study_runs import Floor, MethodRuns, floor_of, method_runs
 from plantfit.cases.pendubot.torque import CALM, TorqueRecord, torque_record, write_record

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.regression import LinearModel
+from plantfit.models.library.regression import LinearModel
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem
-from plantfit.problem.compress import Compressed
+from plantfit.problem.evaluate.compress import Compressed
+from plantfit.study.comparing.statistics import Interval, wilson_interval
 from plantfit.study.objective import objective_of
-from plantfit.study.statistics import Interval, wilson_interval
 from plantfit.trust import LinkNames, certified_floor, constrained_optimum
 
 LABELS = {"pso": "PSO", "cga": "CGA", "salp_swarm": "SSA", "least_squares": "bounded least squares"}

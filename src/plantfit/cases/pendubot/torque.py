@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plantfit.models.pendubot import motor_torque
+from plantfit.models.library.pendubot import motor_torque
 from plantfit.recording import cutoff_frequency, differentiate, lowpass, to_csv
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig import PendubotRig, RigRun

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file
-from plantfit.cases.record import figure, record
 from plantfit.cases.robot.sections import identified_section, response_section, search_section
 from plantfit.cases.robot.speed_loop import UPPER, fitness, objective, response
-from plantfit.cases.stages import stages
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file
+from plantfit.cases.shared.record import figure, record
+from plantfit.cases.shared.stages import stages
 from plantfit.optimize import RunResult, minimise
 from plantfit.rig.dc_motor import ROBOT_MOTOR, DcMotorRig
 from plantfit.rig.run import RigRun
@@ -26,7 +26,7 @@ POPULATION_METHODS = (
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`; `full` searches with every method that needs no derivatives."""
+    """See `plantfit.cases.shared.registry.demos`; `full` searches with every method that needs no derivatives."""
     folder = unpack("robot", folder)
     bench().save(folder)
     file = folder / "motor.toml"

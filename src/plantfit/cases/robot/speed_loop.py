@@ -8,10 +8,10 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, StepMetrics, pid, step_observer
-from plantfit.models.equations import equations
+from plantfit.models.text.equations import equations
 from plantfit.optimize import Objective
-from plantfit.simulate.closed_loop import ClosedLoop, Controller, Trajectory, closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, Trajectory, closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
 import jax.numpy as jnp

@@ -26,8 +26,8 @@ from plantfit.control import (
 )
 from plantfit.errors import SimulationError
 from plantfit.rig.steam_chamber import NODES, OPENINGS
-from plantfit.simulate.closed_loop import ClosedLoop, closed_loop
-from plantfit.simulate.sensors import Actuator, Sensor
+from plantfit.simulate.loop.closed_loop import ClosedLoop, closed_loop
+from plantfit.simulate.loop.sensors import Actuator, Sensor
 from plantfit.space import Parameter
 
 import jax

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.beside import Beside
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file
-from plantfit.cases.record import figure, record
-from plantfit.cases.stages import stages, within
+from plantfit.cases.shared.beside import Beside
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file
+from plantfit.cases.shared.record import figure, record
+from plantfit.cases.shared.stages import stages, within
 from plantfit.cases.steam.adaptive_bdf import descents
-from plantfit.cases.steam.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
     METHODS,
@@ -27,7 +26,9 @@ from plantfit.cases.steam.dynamic_runs import (
     order_of,
     steps_of,
 )
-from plantfit.cases.steam.dynamic_section import (
+from plantfit.cases.steam.problems import dynamic_problem, static_problem, tables_from_static, total_cost
+from plantfit.cases.steam.sections.closed_loop_section import closed_loop_section
+from plantfit.cases.steam.sections.dynamic_section import (
     NEAR,
     PAPER,
     PAPER_STATIC,
@@ -37,12 +38,11 @@ from plantfit.cases.steam.dynamic_section import (
     readings_section,
     truth_of,
 )
-from plantfit.cases.steam.problems import dynamic_problem, static_problem, tables_from_static, total_cost
-from plantfit.cases.steam.screening_section import not_screened, screening_section
-from plantfit.cases.steam.static_section import WANTED, static_section
+from plantfit.cases.steam.sections.screening_section import not_screened, screening_section
+from plantfit.cases.steam.sections.static_section import WANTED, static_section
+from plantfit.cases.steam.sections.tables_section import tables_section
+from plantfit.cases.steam.sections.uncertainty_section import constant_uncertainty, table_uncertainty, uncertainty_section, zero_left_in
 from plantfit.cases.steam.static_task import DelayStudy, delay_study, early_dead_times, joint, two_step, two_step_by
-from plantfit.cases.steam.tables_section import tables_section
-from plantfit.cases.steam.uncertainty_section import constant_uncertainty, table_uncertainty, uncertainty_section, zero_left_in
 from plantfit.fitting import Answer
 from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
@@ -68,7 +68,7 @@ EXACT = "exact derivatives"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`; `full` makes the paper's 10 runs of 10 000 evaluations and tries both of its readings."""
+    """See `plantfit.cases.shared.registry.demos`; `full` makes the paper's 10 runs of 10 000 evaluations and tries both of its readings."""
     folder, rig = unpack("steam", folder), SteamChamberRig()
     file, runs = folder / "chamber.toml", rig.records(SEED)
     for made in runs.values():

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.stages import within
+from plantfit.cases.shared.stages import within
 from plantfit.cases.steam.adaptive_bdf import Descent, Descents, Step
 from plantfit.cases.steam.problems import dynamic_problem
 from plantfit.errors import Status

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.equations import equations
+from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.models.model import Declared, Model
-from plantfit.models.steam_chamber import steam_chamber
-from plantfit.problem.experiment import Experiment
+from plantfit.models.text.equations import equations
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.space import Parameter

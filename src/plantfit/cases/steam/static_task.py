@@ -11,8 +11,8 @@ from plantfit.optimize import minimise
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.steam_chamber import SteamChamberRig
 from plantfit.study.objective import objective_of
-from plantfit.trust.dead_time import DeadTime, dead_time
-from plantfit.trust.refit import refit
+from plantfit.trust.finish.refit import refit
+from plantfit.trust.validate.dead_time import DeadTime, dead_time
 
 WINDOW = 2.0  # s, from which the paper takes the dead time
 NAMES = tuple(STATIC_START)

@@ -6,14 +6,14 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.steam.problems import dynamic_problem, static_problem, steps_from_rest, tables_from_static
-from plantfit.models.steam_chamber import steam_chamber
+from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.space import Parameter
-from plantfit.trust.left_out import left_out_recordings
-from plantfit.trust.model_comparison import ModelComparison, compare_models
-from plantfit.trust.smoothed_descent import Rows, descend
-from plantfit.trust.smoothing_strength import by_reml
+from plantfit.trust.finish.smoothed_descent import Rows, descend
+from plantfit.trust.finish.smoothing_strength import by_reml
+from plantfit.trust.validate.left_out import left_out_recordings
+from plantfit.trust.validate.model_comparison import ModelComparison, compare_models
 
 TABLES = ("k", "A1", "A2")
 PRESSURES = {"from": 0, "to": 20, "count": 6}  # bar, of the shared surface

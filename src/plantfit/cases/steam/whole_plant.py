@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.models.model import Declared, Model
-from plantfit.models.steam_chamber import steam_chamber
-from plantfit.models.tables import Table
+from plantfit.models.parts.tables import Table
 from plantfit.problem.problem import Problem
 from plantfit.rig.steam_chamber import NODES, OPENINGS, TABLES
 

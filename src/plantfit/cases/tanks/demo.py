@@ -4,9 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, part, residual, rms
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, part, residual, rms
+from plantfit.cases.shared.record import figure, record
 
 PUBLISHED = {
     "best linear approximation": 0.75,
@@ -21,7 +21,7 @@ THERE = "published, on the validation record, not this one"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     file = unpack("tanks", folder) / "tanks.toml"
     answer = fit_file(file, progress)
     error = residual(answer, "level")

@@ -4,20 +4,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from plantfit.cases.files import unpack
-from plantfit.cases.fitting import fit_file, residual, rms
-from plantfit.cases.followed import followed_figure
-from plantfit.cases.record import figure, record
+from plantfit.cases.shared.files import unpack
+from plantfit.cases.shared.fitting import fit_file, residual, rms
+from plantfit.cases.shared.followed import followed_figure
+from plantfit.cases.shared.record import figure, record
 from plantfit.fitting import Answer
-from plantfit.trust.dead_time import DeadTime, dead_time
-from plantfit.trust.profile import Profile, profile
+from plantfit.trust.intervals.profile import Profile, profile
+from plantfit.trust.validate.dead_time import DeadTime, dead_time
 
 AUTHORS = "authors' first order with dead time"
 OWN = "first order, dead time free, by scipy (own)"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> dict[str, Any]:
-    """See `plantfit.cases.registry.demos`."""
+    """See `plantfit.cases.shared.registry.demos`."""
     place = unpack("thermal", folder)
     slow = place / "drift.toml"
     fast = place / "faster_drift.toml"

@@ -8,10 +8,10 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.c_export.estimator import estimator_steps, sizes, story
 from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
-from plantfit.control.design import Design
-from plantfit.control.kalman import Estimator
-from plantfit.control.lqr import StateFeedback
-from plantfit.control.takagi_sugeno import Rules
+from plantfit.control.linear.design import Design
+from plantfit.control.linear.kalman import Estimator
+from plantfit.control.linear.lqr import StateFeedback
+from plantfit.control.linear.takagi_sugeno import Rules
 from plantfit.errors import SimulationError
 
 import jax

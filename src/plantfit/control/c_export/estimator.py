@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from plantfit.control.c_export.files import checked_finite, literal, table
-from plantfit.control.kalman import Estimator
-from plantfit.control.linear_plant import LinearPlant
+from plantfit.control.linear.kalman import Estimator
+from plantfit.control.linear.linear_plant import LinearPlant
 from plantfit.errors import SimulationError
 
 SIZES = Template("""#define ${UPPER}_PERIOD_S ${period}

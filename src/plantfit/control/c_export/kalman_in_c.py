@@ -7,8 +7,8 @@ import numpy as np
 
 from plantfit.control.c_export.estimator import estimator_steps, sizes, story
 from plantfit.control.c_export.files import CFiles, checked_name, checked_number, write_c
-from plantfit.control.kalman import Estimator, fitting
-from plantfit.control.linear_plant import LinearPlant
+from plantfit.control.linear.kalman import Estimator, fitting
+from plantfit.control.linear.linear_plant import LinearPlant
 from plantfit.errors import SimulationError
 
 DECLARED = Template("""

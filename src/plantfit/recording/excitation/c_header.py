@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from plantfit.errors import RecordingError
+from plantfit.recording.clean.sampling import signal_of, uniform_period
 from plantfit.recording.record import Recording
-from plantfit.recording.sampling import signal_of, uniform_period
 
 _LARGEST = 32767
 

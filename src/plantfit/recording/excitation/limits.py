@@ -5,9 +5,9 @@ from typing import Literal
 import numpy as np
 
 from plantfit.errors import RecordingError
+from plantfit.recording.clean.sampling import period_of, signal_of, with_signal
 from plantfit.recording.excitation.waveform import positive
 from plantfit.recording.record import Recording
-from plantfit.recording.sampling import period_of, signal_of, with_signal
 
 _LEAST_SWING = 0.5  # of the rms about the mean that must be left after the slew limit
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from plantfit.errors import RecordingError
+from plantfit.recording.clean.sampling import signal_of, uniform_period
 from plantfit.recording.record import Recording
-from plantfit.recording.sampling import signal_of, uniform_period
 from plantfit.rig.board.protocol import Board, encode
 from plantfit.units import convert
 

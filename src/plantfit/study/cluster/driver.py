@@ -18,15 +18,15 @@ import numpy as np
 from plantfit import errors
 from plantfit.errors import MissingExtra, PlantfitError, SearchError, StoreError
 from plantfit.optimize import Checkpoint
-from plantfit.study.claims import Claim, ClaimLost
-from plantfit.study.cores import sensible_workers
-from plantfit.study.heartbeat import BEAT_SECONDS
 from plantfit.study.plan import Plan
 from plantfit.study.problem_recipe import Recipe
-from plantfit.study.progress import Meter, StudyProgress
-from plantfit.study.runner import CHECKPOINT_SECONDS, latched, note_changes
-from plantfit.study.store import Store
-from plantfit.study.worker_names import new_worker
+from plantfit.study.run.cores import sensible_workers
+from plantfit.study.run.heartbeat import BEAT_SECONDS
+from plantfit.study.run.runner import CHECKPOINT_SECONDS, latched, note_changes
+from plantfit.study.run.study_progress import Meter, StudyProgress
+from plantfit.study.run.worker_names import new_worker
+from plantfit.study.store.claims import Claim, ClaimLost
+from plantfit.study.store.store import Store
 
 LOCAL = "local"
 LOOPBACK = "127.0.0.1"

@@ -11,9 +11,9 @@ from plantfit.study.comparing import sentences
 from plantfit.study.comparing.pairwise import a12
 from plantfit.study.comparing.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
 from plantfit.study.comparing.profiles import GRID, data_profile, grid_of, hitting_times
+from plantfit.study.comparing.statistics import expected_running_time, running_times
 from plantfit.study.comparing.targets import profile_targets, scale_of
-from plantfit.study.records import RunRecord
-from plantfit.study.statistics import expected_running_time, running_times
+from plantfit.study.store.records import RunRecord
 
 RUN_RESAMPLES = 2000
 RESAMPLES = 10_000

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.study.basins import Basin, optima
+from plantfit.study.comparing.basins import Basin, optima
 from plantfit.study.comparing.problem_runs import TIE, ProblemRuns, by_method, costs_of
 from plantfit.study.comparing.targets import Scale
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 SAME_COST = 1e-3  # of the gap from reference to best: answers this near the best are compared as optima of the same cost
 KEPT_RUNS = 200  # best runs whose parameters are kept

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from plantfit.study.comparing.pairwise import holm
-from plantfit.study.statistics import Interval
+from plantfit.study.comparing.statistics import Interval
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import numpy as np
 
 from plantfit.errors import StoreError
 from plantfit.study.comparing.problem_runs import ProblemRuns
-from plantfit.study.probe import check_same
-from plantfit.study.records import RunRecord, StudyRecord
-from plantfit.study.store import Store
+from plantfit.study.run.probe import check_same
+from plantfit.study.store.records import RunRecord, StudyRecord
+from plantfit.study.store.store import Store
 
 FLOOR, OPTIMUM = "noise_floor", "optimum"  # where a run's extra says what is known of its problem
 

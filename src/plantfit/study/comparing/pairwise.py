@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from plantfit.study.statistics import NAN_INTERVAL, Interval
+from plantfit.study.comparing.statistics import NAN_INTERVAL, Interval
 
 EFFECTS = ((0.06, "negligible"), (0.14, "small"), (0.21, "medium"))  # |A12 - 1/2| below which, Vargha and Delaney 2000
 LEVEL = 0.05

@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.study.comparing.pairwise import levels
 from plantfit.study.comparing.targets import Scale
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 TIE = 1e-6  # relative difference below which two costs count as equal
 ROUNDING = 1e-16  # of the gap from reference to best: absolute difference that means nothing

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.study.comparing.pairwise import a12
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 GRID = 200  # points of a common logarithmic grid
 NOTICEABLE = 0.06  # |A12 - 1/2| from which a method is ahead (Vargha and Delaney's small effect)

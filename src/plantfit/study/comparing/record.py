@@ -16,9 +16,9 @@ from plantfit.study.comparing.pairwise import compare, detectable, hitting_order
 from plantfit.study.comparing.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
 from plantfit.study.comparing.profiles import best_costs, by_evaluations, by_seconds, ecdf, grid_of, hitting_times, leads, quartiles
 from plantfit.study.comparing.sentences import Pair
+from plantfit.study.comparing.statistics import expected_running_time, ratio_interval, running_time_interval, summarise, wilson_interval
 from plantfit.study.comparing.targets import Scale, Target, profile_targets, scale_of, targets
-from plantfit.study.records import RunRecord
-from plantfit.study.statistics import expected_running_time, ratio_interval, running_time_interval, summarise, wilson_interval
+from plantfit.study.store.records import RunRecord
 
 KEPT_COSTS = 400  # sorted final costs per method
 RESAMPLES = 2000

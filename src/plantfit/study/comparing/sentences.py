@@ -9,7 +9,7 @@ import numpy as np
 from plantfit.study.comparing.friedman import smallest_p
 from plantfit.study.comparing.pairwise import LEVEL, effect_word
 from plantfit.study.comparing.profiles import Lead
-from plantfit.study.statistics import NAN_INTERVAL, Interval
+from plantfit.study.comparing.statistics import NAN_INTERVAL, Interval
 
 MOST_CHANGES = 3  # leads told one by one
 SAME = 1e-6  # medians this near, relatively, are called equal

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plantfit.study.records import RunRecord
+from plantfit.study.store.records import RunRecord
 
 DECADES = 8  # the finest target is 10^-8 of the way from random search to the best cost
 PER_DECADE = 5

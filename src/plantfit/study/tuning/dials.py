@@ -13,9 +13,9 @@ import numpy as np
 
 from plantfit.errors import SearchError
 from plantfit.optimize.contract import Facts
+from plantfit.optimize.loop.many_settings import Options, traceable
 from plantfit.optimize.registry import REGISTRY, make
 from plantfit.optimize.settings import close_match
-from plantfit.optimize.sweep import Options, traceable
 
 FACTOR = 100.0  # a range of many decades is searched this far to either side of the default
 DECADES = 2

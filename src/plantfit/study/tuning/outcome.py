@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.study.comparing.pairwise import compare
-from plantfit.study.statistics import ratio_interval
+from plantfit.study.comparing.statistics import ratio_interval
 
 TIE = 1e-6  # costs this near, relatively, count as equal; evaluations then decide
 LEVEL = 0.05

@@ -17,12 +17,12 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
 from plantfit.optimize.contract import Facts, Objective
-from plantfit.optimize.counter import BudgetSpent, Counter
-from plantfit.optimize.loop import check_needs, minimise
-from plantfit.optimize.nested import Nested
-from plantfit.optimize.progress import Progress
+from plantfit.optimize.loop.counter import BudgetSpent, Counter
+from plantfit.optimize.loop.entry import check_needs, minimise
+from plantfit.optimize.loop.many_settings import Job, Sweep
+from plantfit.optimize.loop.nested import Nested
+from plantfit.optimize.loop.progress import Progress
 from plantfit.optimize.registry import make
-from plantfit.optimize.sweep import Job, Sweep
 from plantfit.study.tuning.dials import Dials, dials_of
 from plantfit.study.tuning.outcome import Contest, Finish, Trial, Tuned, contest, finish
 from plantfit.study.tuning.racing import race

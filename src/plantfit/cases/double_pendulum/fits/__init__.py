@@ -1,0 +1,1 @@
+"""Fits of the laws of friction, and their results."""

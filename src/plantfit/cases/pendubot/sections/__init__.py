@@ -1,0 +1,1 @@
+"""Sections of the pendubot's page, and their figures."""

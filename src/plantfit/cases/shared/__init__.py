@@ -1,0 +1,1 @@
+"""What the demos share: the registry, their files, stages with progress, records and figures."""

@@ -1,0 +1,1 @@
+"""Sections of the steam chamber's page, and their figures."""

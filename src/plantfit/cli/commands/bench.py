@@ -1,0 +1,76 @@
+"""The commands at the bench, `plantfit excite` and `plantfit record`: what they take."""
+
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")]
+
+
+def excite(
+    kind: Annotated[str, typer.Argument(help="prbs, multisine, chirp, staircase or sine-square.")],
+    amplitude: Annotated[str, typer.Option("--amplitude", help="Peak, as in 6V; its unit is that of the signal.")],
+    rate: Annotated[str, typer.Option("--rate", help="Values a second, as in 100Hz.")] = "100Hz",
+    duration: Annotated[str | None, typer.Option("--duration", help="As in 30s or 2min.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="prbs: where the sequence starts; multisine: random phases. 0 if left out.")
+    ] = None,
+    order: Annotated[int | None, typer.Option("--order", help="prbs: the period is 2^order - 1 bits.")] = None,
+    hold: Annotated[int | None, typer.Option("--hold", help="prbs: values that a bit lasts.")] = None,
+    period: Annotated[str | None, typer.Option("--period", help="multisine: its period, as in 10s.")] = None,
+    periods: Annotated[int | None, typer.Option("--periods", help="multisine: how many periods.")] = None,
+    phases: Annotated[str | None, typer.Option("--phases", help="multisine: crest (lowest peak), schroeder or random.")] = None,
+    odd: Annotated[bool | None, typer.Option("--odd", help="multisine: odd lines only.")] = None,
+    low: Annotated[str | None, typer.Option("--low", help="multisine, chirp: lowest frequency.")] = None,
+    high: Annotated[str | None, typer.Option("--high", help="multisine, chirp: highest frequency.")] = None,
+    sweep: Annotated[str | None, typer.Option("--sweep", help="chirp: logarithmic or linear.")] = None,
+    steps: Annotated[int | None, typer.Option("--steps", help="staircase: levels on one side of zero.")] = None,
+    block: Annotated[str | None, typer.Option("--block", help="sine-square: length of a block of three parts.")] = None,
+    frequency: Annotated[str | None, typer.Option("--frequency", help="sine-square: of sine and square wave.")] = None,
+    dead_zone: Annotated[
+        str | None, typer.Option("--dead-zone", help="staircase, sine-square: voltage below which the motor stands.")
+    ] = None,
+    offset: Annotated[str | None, typer.Option("--offset", help="prbs, multisine, chirp: mean level.")] = None,
+    limit: Annotated[str | None, typer.Option("--voltage", help="Largest voltage of either sign.")] = None,
+    duty: Annotated[float | None, typer.Option("--duty", help="Largest duty, 0 to 1, with --supply.")] = None,
+    supply: Annotated[str | None, typer.Option("--supply", help="Voltage at a duty of 1.")] = None,
+    slew: Annotated[str | None, typer.Option("--slew", help="Fastest change, as in 200V/s.")] = None,
+    clip: Annotated[bool, typer.Option("--clip", help="Clip what is beyond a limit in place of scaling all.")] = False,
+    signal: Annotated[str, typer.Option("--signal", help="Name of the column.")] = "V",
+    out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file to write; KIND.csv if left out.")] = None,
+    header: Annotated[str | None, typer.Option("--header", help="Also write a C header to this file.")] = None,
+    step: Annotated[
+        str | None, typer.Option("--step", help="With --header: value of one count; the finest of 16 bits if left out.")
+    ] = None,
+    preview: Annotated[str | None, typer.Option("--preview", help="Also draw it and its spectrum on this HTML page.")] = None,
+    json: Json = False,
+) -> None:
+    """Make a signal that excites a plant, within limits, as CSV, as a C header, with a preview."""
+    from plantfit.cli.commands import excite as command
+
+    settings = {
+        "rate": rate, "duration": duration, "seed": seed, "order": order, "hold": hold, "period": period, "periods": periods,
+        "phases": phases, "odd": odd, "low": low, "high": high, "sweep": sweep, "steps": steps, "block": block, "frequency": frequency,
+        "dead_zone": dead_zone, "offset": offset,
+    }  # fmt: skip
+    limits = {"limit": limit, "duty": duty, "supply": supply, "slew": slew, "clip": clip, "signal": signal, "step": step}
+    command.excite(kind, amplitude, settings, limits, {"out": out, "header": header, "preview": preview}, json)
+
+
+def record(
+    port: Annotated[str, typer.Option("--port", "-p", help="The board's serial port, as in /dev/ttyACM0 or COM3.")],
+    excitation: Annotated[str | None, typer.Option("--excitation", "-e", help="A CSV of `plantfit excite` to play.")] = None,
+    out: Annotated[str, typer.Option("--out", "-o", help="CSV file to write.")] = "run.csv",
+    duration: Annotated[
+        str | None, typer.Option("--duration", help="Stop after this, as in 30s; else after the excitation or Ctrl-C.")
+    ] = None,
+    rate: Annotated[str | None, typer.Option("--rate", help="Samples a second; the board's fastest if left out.")] = None,
+    baud: Annotated[int, typer.Option("--baud", help="Rate of the serial line; that of the firmware.")] = 1_000_000,
+    reconnect: Annotated[str, typer.Option("--reconnect", help="How long to try to open a port again that went away.")] = "30s",
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing recording.")] = False,
+    json: Json = False,
+) -> None:
+    """Play an excitation on a board and record what it measures. Ctrl-C stops the motor first."""
+    from plantfit.cli.commands import record as command
+
+    command.record(port, excitation, out, duration, rate, baud, reconnect, force, json)

@@ -1,0 +1,140 @@
+"""`plantfit check`: what was understood, and one simulation."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from plantfit.cli.arguments.assignments import numbers_by_name
+from plantfit.cli.terminal.out import out, print_json
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False) -> None:
+    """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
+    from plantfit import spec as specs
+
+    study = specs.load(spec)  # first, since the rooms below load jax
+    from plantfit.problem.accuracy.steps import choose_substeps, steps_for
+    from plantfit.problem.accuracy.verification import point
+
+    problem = choose_substeps(study.problem)
+    z = point(problem, numbers_by_name("--at", at))
+    problem = steps_for(problem, z)
+    record = {**_understood(study, problem), **_simulated(problem, z)}
+    if study.errors:
+        from plantfit.trust.stated_errors.reading_budgets import reading_budgets
+
+        record["uncertainty"] = reading_budgets(problem, study.errors)
+    if verify:
+        record["verify"] = _verify(problem, z, tolerance)
+    if holds:
+        from plantfit.problem.measure.hold_check import check_holds
+
+        record["holds"] = [{**dataclasses.asdict(h), "sentence": h.sentence} for h in check_holds(problem, z)]
+    if json:
+        return print_json(record)
+    _say_understood(problem, record)
+    _say_simulated(problem, record, at, tolerance)
+    out.print(f"ready: plantfit run {spec}", markup=False)
+
+
+def _understood(study: Any, problem: Any) -> dict[str, Any]:
+    """What the study file says, as a plain record."""
+    from plantfit.problem.linear.affine import affine_by_structure
+    from plantfit.trust.finish.weights import weight_rows
+
+    return {
+        "name": study.name,
+        "model": problem.model.name,
+        "recordings": {
+            n: {
+                "samples": len(e.recording),
+                "seconds": float(e.recording.t[-1] - e.recording.t[0]),
+                "fitted": int(e.mask("fit").sum()),
+                "unseen": int(e.mask("validation").sum()),
+                "log": list(e.recording.log),
+            }
+            for n, e in problem.experiments.items()
+        },
+        "parameters": {
+            c.name: {"bounds": [c.lower, c.upper], "unit": c.unit, "scale": "log" if c.log else "linear"} for c in problem.space.coordinates
+        },
+        "solved_for": [problem.space.names[i] for i in affine_by_structure(problem)] if problem.separable is None else [],
+        "weights": weight_rows(problem),
+        "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
+    }
+
+
+def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:
+    """One simulation at a cube point (d,), as a plain record."""
+    cost = float(problem.costs(z[None, :])[0])
+    started = time.perf_counter()
+    problem.costs(z[None, :]).tolist()  # waits for the values
+    simulator = problem.predictor.simulator
+    return {
+        "substeps": problem.steps_a_sample if simulator else 0,
+        "rmse_at_middle": cost**0.5 if math.isfinite(cost) else None,
+        "seconds_per_evaluation": time.perf_counter() - started,
+    }
+
+
+def _say_understood(problem: Any, record: Mapping[str, Any]) -> None:
+    from plantfit.models import describe
+
+    out.print(describe(problem.model), markup=False)
+    for n, r in record["recordings"].items():
+        out.print(
+            f"recording {n}: {r['samples']} samples over {r['seconds']:g} s, {r['fitted']} fitted, {r['unseen']} unseen", markup=False
+        )
+        for line in r["log"]:
+            out.print(f"    {line}", markup=False, style="dim")
+    out.print(f"free: {_shortened(record['parameters'])}", markup=False)
+    if record["solved_for"]:
+        solved = _shortened(record["solved_for"])
+        out.print(f"linear, so that least squares solves for them: {solved}", markup=False)
+    out.print(f"residuals that count as 1: {'; '.join(_weight(row) for row in record['weights'])}", markup=False)
+
+
+def _say_simulated(problem: Any, record: Mapping[str, Any], at: Sequence[str], tolerance: float | None) -> None:
+    rmse = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
+    place = f"at {', '.join(at)}" if at else "at the middle of the bounds"
+    each = f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, {record['substeps']} step(s) a sample"
+    out.print(f"{place}: {rmse}; {each}", markup=False)
+    for e in record.get("verify", []):
+        unit = problem.model.outputs[e["output"]] or ""
+        out.print(
+            f"against {e['checked_with']}: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
+            f"over {e['samples']} samples, {e['substeps']} step(s) a sample",
+            markup=False,
+        )
+        if e["refused"]:
+            out.print(f"    refused: {e['refused']}", style="red", markup=False)
+        elif tolerance is not None and e["max_error"] >= tolerance:
+            out.print(f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help", style="yellow")
+    for h in record.get("holds", []):
+        out.print(h["sentence"], markup=False)
+    if "uncertainty" in record:
+        from plantfit.report import budgets_text
+
+        out.print(f"\nstated errors:\n\n{budgets_text(record['uncertainty'])}\n", markup=False)
+
+
+def _weight(row: Mapping[str, Any]) -> str:
+    """An output, its scale and who chose it; a first guess is said to be one."""
+    later = ", until the fit estimates it from the residuals" if row["chosen"] == "spread" else ""
+    return f"{row['output']} {row['scale']:.4g} {row['unit'] or ''}".rstrip() + f" ({row['who']}{later})"
+
+
+def _shortened(names: Iterable[str], most: int = 12) -> str:
+    names = list(names)
+    return ", ".join(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+def _verify(problem, z, tolerance):
+    from plantfit.problem.accuracy.verification import verify
+
+    return [dataclasses.asdict(v) for v in verify(problem, z, tolerance)]

@@ -1,0 +1,79 @@
+"""`plantfit demo`: a real recording, end to end."""
+
+import inspect
+import time
+from pathlib import Path
+from typing import Any
+
+from plantfit.cli.arguments.file_names import file_name
+from plantfit.cli.terminal.interrupts import saying
+from plantfit.cli.terminal.out import out, print_json, progress_line, verdict
+from plantfit.errors import Interrupted, SpecError
+
+
+def listed(json: bool) -> None:
+    """Names and sentences of the demos."""
+    from plantfit.cases.shared.registry import demos
+
+    rows = {name: sentence for name, (sentence, _) in demos().items()}
+    if json:
+        return print_json(rows)
+    for name, sentence in rows.items():
+        out.print(f"{name:12} {sentence}", markup=False)
+
+
+def demo(name: str, folder: str, full: bool, json: bool) -> None:
+    """Run one demo in `folder`/`name` and write a report for every fit, and a page of its own where it has sections."""
+    from plantfit.cases.shared.registry import demos
+
+    known = demos()
+    if name not in known:
+        raise SpecError(f"There is no demo {name!r}; there are {', '.join(known)}.")
+    sentence, load = known[name]
+    if not json:
+        out.print(f"[bold]{name}[/bold]: {sentence}\n")
+    began, place = time.perf_counter(), Path(folder) / name
+    stopped = f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew."
+    try:
+        run = load()
+        if full and "full" not in inspect.signature(run).parameters:
+            raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
+        with progress_line(json) as tell, saying(stopped):
+            record = run(place, progress=tell, **({"full": True} if full else {}))
+    except KeyboardInterrupt:
+        raise Interrupted(stopped) from None
+    names = [file_name(a.problem.name.replace(" ", "_"), "html") for a in record["answers"]]
+    pages = [a.report(place / file) for a, file in zip(record["answers"], names, strict=True)]
+    if record["sections"]:
+        from plantfit.report.case_page import write_case_page
+
+        pages.insert(0, write_case_page(record, place / f"{name}.html", names))
+    reports = [str(page.resolve()) for page in pages]
+    if json:
+        plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
+        fits = [
+            {"name": a.problem.name, "values": a.values, "verdict": a.findings["verdict"], "scores": a.findings["scores"]}
+            for a in record["answers"]
+        ]
+        return print_json({**plain, "fits": fits, "reports": reports, "seconds": time.perf_counter() - began})
+    for answer in record["answers"]:
+        out.print(f"[bold]{answer.problem.name}[/bold]")
+        verdict(answer.findings)
+        out.print()
+    _figures(record["figures"])
+    for line in record["sentences"]:
+        out.print(f"- {line}", markup=False)
+    out.print(f"\n{time.perf_counter() - began:.0f} s. Open in a browser:")
+    for path in reports:
+        out.print(f"  {path}", markup=False)
+
+
+def _figures(figures: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("figure", "reached", "reference", "where the reference is from", box=None, pad_edge=False)
+    for f in figures:
+        unit = f" {f['unit']}" if f["unit"] else ""
+        reference = f"{f['reference']:.4g}{unit}" if f["reference"] is not None else ""
+        table.add_row(f["name"], f"{f['value']:.4g}{unit}", reference, f["source"] or "")
+    out.print(table)

@@ -1,0 +1,119 @@
+"""`plantfit sensitivity`: which parameters the cost reacts to."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from plantfit.cli.arguments.values import values_at
+from plantfit.cli.terminal.interrupts import stoppable
+from plantfit.cli.terminal.out import out, print_json, progress_line
+from plantfit.errors import SearchError, SpaceError
+
+METHODS = ("morris", "sobol")
+
+
+def sensitivity(
+    spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
+    method: Annotated[
+        str, typer.Option("--method", "-m", help="morris (effects around an answer) or sobol (shares of variance).")
+    ] = "morris",
+    radius: Annotated[
+        float | None, typer.Option("--radius", help="How far from the point, as a share of the bounds; 0.01 for morris, the box for sobol.")
+    ] = None,
+    box: Annotated[bool, typer.Option("--box", help="Look at the whole box, around no point.")] = False,
+    groups: Annotated[
+        list[str] | None,
+        typer.Option("--group", help="Parameters that move together, NAME=k,tau (repeat); others rest. Each alone if left out."),
+    ] = None,
+    trajectories: Annotated[int, typer.Option("--trajectories", help="morris: trajectories that are walked.")] = 20,
+    samples: Annotated[int, typer.Option("--samples", help="sobol: a power of two; times (groups + 2) evaluations.")] = 1024,
+    confidence: Annotated[float, typer.Option("--confidence", help="Of the bootstrap intervals.")] = 0.95,
+    seed: Annotated[int, typer.Option("--seed", help="Same seed, same points.")] = 1,
+    values: Annotated[list[str] | None, typer.Option("--set", help="A parameter of the point, as NAME=VALUE in its unit (repeat).")] = None,
+    study: Annotated[
+        int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")
+    ] = None,
+    page: Annotated[str | None, typer.Option("--out", "-o", help="Also write a page with the table and a figure.")] = None,
+    store: Annotated[
+        str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database: a file, or a SQLAlchemy URL.")
+    ] = "plantfit.db",
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")] = False,
+) -> None:
+    """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""
+    from plantfit import spec as specs
+    from plantfit.problem.accuracy.steps import choose_substeps
+    from plantfit.trust import morris, need_salib, sobol_indices
+
+    if method not in METHODS:
+        raise SearchError(f"--method {method} is unknown; use one of {list(METHODS)}.")
+    if box and radius is not None:
+        raise SearchError(f"--box looks at the whole box and --radius {radius:g} around a point; give one of them.")
+    need_salib()
+    read = specs.load(spec)
+    problem = choose_substeps(read.problem)
+    wide = radius if method == "sobol" else None if box else 0.01 if radius is None else radius
+    point = None
+    if wide is not None:
+        given = values_at(problem.space.names, values or [], read.name, study, store)
+        point = problem.space.cube(problem.space.vector(given))
+        _inside(problem.space, given, point)
+    same: dict[str, Any] = {"radius": wide, "groups": _groups(groups or []), "confidence": confidence, "seed": seed}
+    with progress_line(json) as tell, stoppable("Stopping; nothing is kept.") as stop:
+        same |= {"progress": tell, "stop": stop}
+        if method == "morris":
+            found: Any = morris(problem, point, trajectories=trajectories, pool=max(100, trajectories + 1), **same)
+        else:
+            found = sobol_indices(problem, point, samples=samples, **same)
+    written = str(_page(found, read.name, page)) if page is not None else None
+    if json:
+        return print_json({"name": read.name, **found.record, "page": written})
+    _say(found)
+    if written:
+        out.print(f"\nPage: {written}", markup=False)
+
+
+def _inside(space: Any, given: dict[str, float], point: Any) -> None:
+    for c, z in zip(space.coordinates, point, strict=True):
+        if not 0.0 <= z <= 1.0:
+            raise SpaceError(f"{c.name} = {given[c.name]:g} lies outside of its bounds [{c.lower:g}, {c.upper:g}]; give a value inside.")
+
+
+def _groups(texts: list[str]) -> dict[str, list[str]] | None:
+    """NAME=a,b texts as a mapping; None without any."""
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        name, _, members = (part.strip() for part in text.partition("="))
+        wanted = [m.strip() for m in members.split(",")]
+        if not name or not all(wanted) or name in found:
+            raise SpaceError(f"--group {text!r} cannot be read, or comes twice; write NAME=PARAMETER,PARAMETER, as in gains=K,Kt.")
+        found[name] = wanted
+    return found or None
+
+
+def _page(found: Any, name: str, place: str) -> Path:
+    from plantfit.report.case_page import write_case_page
+    from plantfit.report.sections.sensitivity import screening_section, sobol_section
+    from plantfit.trust import Screening
+
+    section = screening_section({"answer" if found.radius else "box": found}) if isinstance(found, Screening) else sobol_section(found)
+    return write_case_page({"title": name, "subtitle": "Sensitivity", "sections": [section]}, place)
+
+
+def _say(found: Any) -> None:
+    from rich.table import Table
+
+    record = found.record
+    half = f"± {100 * record['confidence']:g} %"
+    named = {"mu_star": "mu*", "half_width": half, "first_half_width": half, "total_half_width": half}
+    keys: list[str] = list(record["groups"][0])
+    table = Table(*[named.get(key, key) for key in keys], box=None, pad_edge=False)
+    for row in record["groups"]:
+        table.add_row(*(f"{row[k]:.4g}" if isinstance(row[k], float) else str(row[k]) for k in keys))
+    out.print(table)
+    where = "over the whole box" if record["radius"] is None else f"within {100 * record['radius']:g} % of the bounds around the point"
+    what = {"morris": "Change of the cost when a group moves through the width", "sobol": "Shares of the variance of the cost"}
+    out.print(f"\n{what[record['method']]}, {where}; {record['evaluations']} evaluations.", markup=False)
+    if record["dropped"]:
+        counted = f"{record['dropped']} of {record.get('trajectories') or record.get('samples')}"
+        out.print(f"{counted} held a run that failed and are left out whole.", markup=False)

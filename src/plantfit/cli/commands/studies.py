@@ -1,0 +1,163 @@
+"""`plantfit run`, `resume`, `list` and `report`."""
+
+import shlex
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from plantfit.cli.arguments.file_names import file_name, report_places
+from plantfit.cli.terminal.out import out, print_json, verdict, warn
+from plantfit.cli.terminal.working import ready, search, worker_count
+from plantfit.errors import Interrupted, StoreError
+from plantfit.study.store.addresses import shown
+
+
+def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+    """Run study files from their beginning."""
+    from plantfit import spec as specs
+
+    worker_count(workers, scheduler)  # what cannot work is said before anything is read
+    read = [specs.load(path) for path in paths]
+    from plantfit.study import Store  # sqlalchemy, after the study files were understood
+
+    places = report_places([study.name for study in read], place)
+    _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler)
+
+
+def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+    """Go on with unfinished studies."""
+    from plantfit.study import Store
+
+    worker_count(workers, scheduler)
+    opened = Store.open(store, create=False)
+    records = [opened.study(n) for n in dict.fromkeys(numbers)] or [_record(opened, None, store, unfinished=True)]
+    read = [_study(record) for record in records]
+    places = report_places([study.name for study in read], place)
+    _work([ready(study, record.id) for study, record in zip(read, records, strict=True)], opened, store, places, json, workers, scheduler)
+
+
+def listed(store: str, json: bool) -> None:
+    """Studies of a store, newest last."""
+    from plantfit.study import Store
+
+    records = Store.open(store, create=False).studies()
+    if json:
+        return print_json(
+            [
+                {
+                    "id": r.id,
+                    "name": r.name,
+                    "created": r.created,
+                    "state": r.state,
+                    "methods": list(r.plan["methods"]),
+                    "runs_done": r.runs_done,
+                    "runs": r.runs_total,
+                }
+                for r in records
+            ]
+        )
+    if not records:
+        return out.print(f"{shown(store)} holds no study yet; start one with `plantfit run STUDY.toml`.", markup=False)
+    from rich.table import Table
+
+    table = Table("id", "name", "created", "state", "methods", "runs", box=None)
+    for r in records:
+        table.add_row(str(r.id), r.name, r.created[:19], r.state, ", ".join(r.plan["methods"]), f"{r.runs_done}/{r.runs_total}")
+    out.print(table)
+
+
+def report(number: int | None, store: str, place: str | None, json: bool) -> None:
+    """The report of a stored study."""
+    study, answer = stored_answer(number, store)
+    (to,) = report_places([study.name], place)
+    said = _deliver(answer, to, study.name, json)
+    if json:
+        print_json(said)
+
+
+def stored_answer(number: int | None, store: str):
+    """A stored study (the newest where no number is given) and its answer."""
+    from plantfit.study import Store
+
+    opened = Store.open(store, create=False)
+    record = _record(opened, number, store)
+    study = _study(record)
+    return study, _answer(study, opened, record.id, {})
+
+
+def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None) -> None:
+    started = time.perf_counter()
+    numbers, stopped = search(opened, chosen, workers, scheduler, json)
+    searched = time.perf_counter() - started
+    records = [opened.study(number) for number in numbers]
+    if stopped and any(r.state != "done" for r in records):
+        raise Interrupted(_saved([r for r in records if r.state != "done"], store))
+    said = []
+    for one, number, place in zip(chosen, numbers, places, strict=True):
+        seconds = {"prepare": one.seconds, "search": searched}
+        said.append(_deliver(_answer(one.study, opened, number, seconds, one.problem), place, one.study.name, json, len(chosen) > 1))
+    if json:
+        print_json(said if len(said) > 1 else said[0])
+
+
+def _saved(records, store: str) -> str:
+    where = "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"
+    each = [f"study {r.id} ({r.name}) is saved with {r.runs_done} of {r.runs_total} runs done" for r in records]
+    return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
+
+
+def _answer(study, opened, number: int, seconds, problem=None):
+    from plantfit.reopen import answer_of
+
+    return answer_of(opened, opened.study(number), study, seconds, problem)
+
+
+def _deliver(answer, place: Path, name: str, json: bool, several: bool = False) -> dict[str, Any]:
+    """Write the report and say the verdict; gives back what `--json` prints."""
+    from plantfit.report import uncertainty_text
+
+    if answer.errors and answer.draws:
+        warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
+    path = answer.report(place)
+    if not json:
+        if several:
+            out.print(f"\n{name}", markup=False, style="bold")
+        verdict(answer.findings)
+        if answer.errors:
+            out.print(f"\n{uncertainty_text(answer.findings)}", markup=False)
+        out.print(f"\nReport: {path}", markup=False)
+    return {**_short(answer.findings), "report": str(path)}
+
+
+def _short(findings: dict[str, Any]) -> dict[str, Any]:
+    """The findings without the samples."""
+    return {**findings, "recordings": [{"name": r["name"], "log": r["log"]} for r in findings["recordings"]]}
+
+
+def _record(opened, number: int | None, store: str, unfinished: bool = False):
+    records = opened.studies()
+    if number is not None:
+        return opened.study(number)
+    chosen = [r for r in records if r.state != "done"] if unfinished else records
+    if not chosen:
+        what = "no unfinished study" if unfinished else "no study"
+        raise StoreError(f"{shown(store)} holds {what}; see `plantfit list` or start one with `plantfit run STUDY.toml`.")
+    return chosen[-1]
+
+
+def _differs(path: Path, text: str) -> bool:
+    """Whether the file is there and says something else, as a file that is no text does."""
+    try:
+        return path.is_file() and path.read_text(encoding="utf-8-sig", errors="replace") != text.removeprefix("\ufeff")
+    except (OSError, ValueError):
+        return False
+
+
+def _study(record):
+    from plantfit.reopen import study_of
+
+    study = study_of(record, file_name(record.name, "toml"))
+    if _differs(study.path, record.spec_text):
+        warn(f"{study.path.name} has changed since study {record.id} was started; the stored wording is used.")
+    return study

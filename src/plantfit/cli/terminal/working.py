@@ -1,0 +1,121 @@
+"""Studies searched by this process, by helpers on this machine, or by a cluster."""
+
+import shlex
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from plantfit.cli.terminal.interrupts import Stopping, stoppable
+from plantfit.cli.terminal.out import warn
+from plantfit.errors import SearchError
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A study file whose problem is prepared; `number` is its study in the store, None before it is begun."""
+
+    study: Any
+    problem: Any
+    objective: Any
+    number: int | None
+    seconds: float
+
+
+def ready(study: Any, number: int | None) -> Ready:
+    """Prepare the problem of a study file as every worker does."""
+    from plantfit import rebuild
+    from plantfit.fitting import prepare
+
+    started = time.perf_counter()
+    problem = prepare(study.problem)
+    return Ready(study, problem, rebuild.objective(study, problem), number, time.perf_counter() - started)
+
+
+def worker_count(workers: str | None, scheduler: str | None) -> int | None:
+    """The number that `--workers` asks for; None if it is left open. Raises SearchError."""
+    from plantfit.study.run.cores import sensible_workers
+
+    if scheduler not in (None, "local") and workers is not None:
+        raise SearchError("The workers of a scheduler are started beside it; leave --workers out, or use --scheduler local.")
+    if workers is None:
+        return None
+    if workers == "auto":
+        return sensible_workers()
+    if not workers.isascii() or not workers.isdigit() or not 1 <= int(workers) <= 1024:
+        raise SearchError(f"--workers {workers} cannot be used; give a number from 1 to 1024, or auto for one for each core.")
+    return int(workers)
+
+
+def search(opened: Any, chosen: Sequence[Ready], workers: str | None, scheduler: str | None, quiet: bool) -> tuple[list[int], bool]:
+    """Begin or go on with studies; their numbers, and whether Ctrl-C stopped them."""
+    from plantfit.cli.terminal.watching import study_progress  # rich.live, after the study files were understood
+
+    count = worker_count(workers, scheduler)
+    numbers: list[int] = []
+
+    def named(number: int) -> str:
+        return chosen[numbers.index(number)].study.name if len(chosen) > 1 else ""
+
+    with ExitStack() as stack:
+        tell = stack.enter_context(study_progress(quiet, named))
+        stop = stack.enter_context(stoppable(farewell=lambda: _farewell(opened, numbers)))
+        if scheduler is None:
+            numbers += [_begun(opened, one) for one in chosen]
+            _here(opened, chosen, numbers, count or 1, tell, stop)
+        else:
+            client = stack.enter_context(_client(scheduler, count))  # first, so that no study is begun if nobody answers
+            numbers += [_begun(opened, one) for one in chosen]
+            _cluster(opened, chosen, numbers, client, tell, stop)
+        return numbers, stop()
+
+
+def _farewell(opened: Any, numbers: Sequence[int]) -> str:
+    from plantfit.study.store.addresses import shown
+
+    if not numbers:
+        return "Stopped at once, before anything was begun."
+    where = "" if opened.name == "plantfit.db" else f" --store {shlex.quote(shown(opened.name))}"
+    return f"Stopped at once; go on from the last checkpoint with `plantfit resume {' '.join(map(str, numbers))}{where}`."
+
+
+def _begun(opened: Any, one: Ready) -> int:
+    from plantfit import study as studies
+
+    if one.number is not None:
+        return one.number
+    return studies.begin(
+        one.study.plan, one.objective, opened, spec_text=one.study.text, spec_path=str(one.study.path.resolve()),
+        coordinates=one.problem.space.names, to_physical=one.problem.space.physical,
+    )  # fmt: skip
+
+
+def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Stopping) -> None:
+    from plantfit.study.run.helper_processes import helping
+    from plantfit.study.run.runner import attend, joined, latched
+
+    with helping(opened, numbers, count - 1, say=warn) as team:
+        stop.before_exit += [helper.kill for helper in team]  # their claims are free at once, their newest checkpoints are saved
+        asked = latched(stop)
+        attend(
+            [
+                lambda one=one, number=number: joined(opened, number, one.objective, one.problem.space.physical, tell, asked)
+                for one, number in zip(chosen, numbers, strict=True)
+            ],
+            asked,
+        )
+
+
+def _client(scheduler: str, count: int | None) -> Any:
+    from plantfit.study.cluster.driver import connected
+
+    return connected(scheduler, count)
+
+
+def _cluster(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], client: Any, tell: Any, stop: Callable[[], bool]) -> None:
+    from plantfit.rebuild import recipe_of
+    from plantfit.study.cluster.driver import Job, work_on_cluster
+
+    jobs = [Job(number, recipe_of(one.study), one.objective.start) for one, number in zip(chosen, numbers, strict=True)]
+    work_on_cluster(opened, jobs, client, progress=tell, stop=stop, say=warn)

@@ -1,0 +1,1 @@
+"""Designs on a linearised model: regulators, filters, predictive control, PID by pole placement."""

@@ -1,0 +1,1 @@
+"""What a step response is judged by, and controllers tuned on a family of plants."""

@@ -1,0 +1,1 @@
+"""Kalman filters over states and parameters, and maximum likelihood by their prediction errors."""

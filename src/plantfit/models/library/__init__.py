@@ -1,0 +1,1 @@
+"""The models that come with plantfit; `catalogue.py` lists them by name."""

@@ -1,0 +1,1 @@
+"""Parts that models are made of: tables, friction, linear blocks, smooth corners, events and backlash."""

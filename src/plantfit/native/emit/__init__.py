@@ -1,0 +1,1 @@
+"""From the graph to LLVM text: the kernel and the code of its regions."""

@@ -1,0 +1,97 @@
+"""The state of a function being emitted: registers of nodes, memory of arrays, active lanes."""
+
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+
+from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes, literal
+from plantfit.native.emit.storage import Storage
+from plantfit.native.graph.nodes import Node
+from plantfit.native.unsupported import NativeUnsupported
+
+STACK = 1 << 19  # bytes of arrays that one call may keep on the stack
+
+
+class Emitter(FunctionText):
+    """`varies` tells whether a node differs between lanes; `constant_storage` finds the memory of a `constant` node."""
+
+    def __init__(self, width: int, vectors: int, varies: Callable[[Node], bool], constant_storage: Callable[[Node], Storage]):
+        super().__init__(width, vectors)
+        self.varies = varies
+        self.mask: Lanes | None = None  # of the active lanes; None: all
+        self.libm: dict[str, int] = {}  # C functions that are called, with their argument counts
+        self.before_steps: list[str] = []  # stores that a block runs ahead of its first step
+        self._values: dict[Node, Lanes] = {}
+        self._arrays: dict[Node, Storage] = {}
+        self._constant_storage = constant_storage
+        self._stack = 0
+
+    # -- registers ----------------------------------------------------------------------------------
+
+    def define(self, node: Node, values: Lanes) -> None:
+        """Bind a node to its registers: one per vector, or a single scalar when it does not vary."""
+        self._values[node] = values
+
+    def value(self, node: Node) -> Lanes:
+        """The registers of a node as they were defined."""
+        return self._values[node]
+
+    def lanes(self, node: Node) -> Lanes:
+        """One vector operand per vector; a uniform number is broadcast."""
+        if node.op == "const":
+            return [f"splat ({REGISTER[node.dtype]} {literal(node)})"] * self.vectors
+        if self.varies(node):
+            return self._values[node]
+        return self.block(REGISTER[node.dtype], self._values[node][0])
+
+    def uniform(self, node: Node) -> str:
+        """The scalar operand of a node that does not vary."""
+        return literal(node) if node.op == "const" else self._values[node][0]
+
+    def operand(self, node: Node, varying: bool) -> Lanes:
+        """Vector operands, or the scalar one alone."""
+        return self.lanes(node) if varying else [self.uniform(node)]
+
+    def operands(self, nodes: Sequence[Node], varying: bool) -> list[list[str]]:
+        """[vector][argument]; a single row when nothing varies."""
+        return [list(row) for row in zip(*(self.operand(n, varying) for n in nodes), strict=True)]
+
+    # -- active lanes -------------------------------------------------------------------------------
+
+    @contextmanager
+    def active(self, masks: Lanes | None):
+        """Within, only these lanes are active."""
+        before, self.mask = self.mask, masks
+        yield
+        self.mask = before
+
+    def active_among(self, masks: Lanes) -> Lanes:
+        """The lanes of the masks that are active."""
+        return masks if self.mask is None else self.both(masks, self.mask)
+
+    def any_lane(self, masks: Lanes) -> str:
+        """i1: whether the masks hold an active lane."""
+        masks = self.active_among(masks)
+        total = masks[0]
+        for other in masks[1:]:
+            total = self.put(f"or {self.vector('i1')} {total}, {other}")
+        return self.call("i1", f"llvm.vector.reduce.or.v{self.width}i1", (self.vector("i1"), total))
+
+    # -- memory -------------------------------------------------------------------------------------
+
+    def bind(self, node: Node, storage: Storage) -> None:
+        """Bind an array node to its memory."""
+        self._arrays[node] = storage
+
+    def storage(self, node: Node) -> Storage:
+        """The memory of an array node."""
+        if node not in self._arrays and node.op == "constant":
+            self._arrays[node] = self._constant_storage(node)
+        return self._arrays[node]
+
+    def reserve(self, dtype: str, size: int, flat: bool) -> Storage:
+        """New memory on the stack; raises NativeUnsupported when the arrays exceed STACK bytes."""
+        count = size if flat else size * self.vectors * self.width
+        self._stack += count * BYTES[dtype]
+        if self._stack > STACK:
+            raise NativeUnsupported(f"arrays of {self._stack} bytes inside a loop")
+        return Storage(self.slot(MEMORY[dtype], count), dtype, size, flat)

@@ -1,0 +1,205 @@
+"""The code of regions: nodes in order, loops, branches, cached table reads and held sums.
+
+Lanes that leave a loop or take another branch are masked; a loop runs until no lane is active, a branch if some lane takes it.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
+
+from plantfit.native.emit.array_access import emit_add_at, emit_load, emit_pack, emit_update, lent_to_branches, updated_in_place
+from plantfit.native.emit.c_library import emit_libm, emit_patched
+from plantfit.native.emit.carried import Place, fetch, initial_places, renew, renew_one
+from plantfit.native.emit.emitter import Emitter
+from plantfit.native.emit.held_sums import HeldSums
+from plantfit.native.emit.instructions import emit_instruction
+from plantfit.native.emit.llvm_text import BYTES, REGISTER, Lanes
+from plantfit.native.emit.storage import Storage
+from plantfit.native.graph.nodes import BOOL, F64, Node, Region, walk
+from plantfit.native.passes.table_reads import TableReads
+
+_RULES: dict[str, Callable[[Emitter, Node], Any]] = {
+    "libm": emit_libm,
+    "patched": emit_patched,
+    "pack": emit_pack,
+    "load": emit_load,
+    "constant": Emitter.storage,  # interleaved here, ahead of the steps
+    "get": lambda e, node: None,  # defined after its loop or branch
+}
+
+
+class RegionEmitter:
+    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `read` defines a load from the buffers, `tops` are
+    the regions that contain all others."""
+
+    def __init__(
+        self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums, read: Callable[[Node], None]
+    ):
+        self.e, self._cached, self._sums, self._read = emitter, cached, sums, read
+        self._gets: dict[Node, list[Node]] = {}  # the results taken from each loop and branch
+        for top in tops:
+            for node in walk(top):
+                if node.op == "get":
+                    self._gets.setdefault(node.args[0], []).append(node)
+
+    def emit(self, region: Region, lent: Collection[Node] = ()) -> None:
+        """The nodes of a region, in order; arrays that are `lent` to it may be overwritten."""
+        in_place, lent_on = updated_in_place(region, lent), lent_to_branches(region, lent)
+        for node in region.code:
+            if node.op in ("cload", "xload"):
+                self._read(node)
+        for node in region.code:
+            reads = self._cached.get(node)
+            if node.op in ("cload", "xload"):
+                continue
+            if reads is not None and self.e.varies(reads.index):
+                if node is reads.nodes[0]:
+                    self._emit_cached(reads)
+            elif node.op == "update":
+                emit_update(self.e, node, node in in_place)
+            elif node in self._sums and self.e.mask is None:
+                self._sums.add(node)
+            elif node.op == "add_at":
+                emit_add_at(self.e, node, node in in_place)
+            elif node.op == "cond":
+                self._cond(node, lent_on.get(node, {}))
+            else:
+                self._emit_node(node)
+
+    def _emit_node(self, node: Node) -> None:
+        if node.op == "loop":
+            self._loop(node)
+        elif node.op == "while":
+            self._while(node)
+        else:
+            _RULES.get(node.op, emit_instruction)(self.e, node)
+
+    def _emit_cached(self, reads: TableReads) -> None:
+        """Recompute a group when the index of some lane has changed; slots hold the results between steps."""
+        e, dtype = self.e, reads.index.dtype
+        kind = e.type_of(dtype, True)
+        before = [e.slot(kind) for _ in range(e.vectors)]
+        never = -(2 ** (8 * BYTES[dtype] - 1))  # no index
+        e.before_steps.extend(f"  store {kind} splat ({REGISTER[dtype]} {never}), ptr {slot}" for slot in before)
+        now = e.lanes(reads.index)
+        old = [e.put(f"load {kind}, ptr {slot}") for slot in before]
+        moved = [e.put(f"icmp ne {kind} {a}, {b}") for a, b in zip(now, old, strict=True)]
+        again, same = e.name("moved"), e.name("same")
+        with e.active(None):  # inactive lanes, too, hold what belongs to their index
+            e.line(f"br i1 {e.any_lane(moved)}, label %{again}, label %{same}")
+        e.label(again)
+        for slot, value in zip(before, now, strict=True):
+            e.line(f"store {kind} {value}, ptr {slot}")
+        for node in reads.nodes:
+            self._emit_node(node)
+        slots: dict[Node, list[str]] = {}
+        for node in reads.kept:
+            whole = e.type_of(node.dtype, e.varies(node))
+            slots[node] = e.filled_slots(whole, e.value(node))
+            e.before_steps.extend(f"  store {whole} zeroinitializer, ptr {slot}" for slot in slots[node])
+        e.line(f"br label %{same}")
+        e.label(same)
+        for node in reads.kept:
+            fetch(e, node, slots[node])
+
+    # -- loops --------------------------------------------------------------------------------------
+
+    def _loop(self, node: Node) -> None:
+        """A loop with a trip count that lanes share."""
+        e, (region,) = self.e, node.data
+        counter_param, *params = region.params
+        places = initial_places(e, params, node.args[1:])
+        (counter,) = e.filled_slots("i64", ["0"])
+        body, end = e.name("loop"), e.name("done")
+        e.line(f"br label %{body}")
+        e.label(body)
+        e.define(counter_param, [e.put(f"load i64, ptr {counter}")])
+        for param, place in zip(params, places, strict=True):
+            fetch(e, param, place)
+        self.emit(region)
+        renew(e, params, region.results, places)
+        following = e.put(f"add i64 {e.uniform(counter_param)}, 1")
+        e.line(f"store i64 {following}, ptr {counter}")
+        more = e.put(f"icmp slt i64 {following}, {e.uniform(node.args[0])}")
+        e.line(f"br i1 {more}, label %{body}, label %{end}")
+        e.label(end)
+        self._publish(node, places)
+
+    def _while(self, node: Node) -> None:
+        """A loop with a test; where the test varies, lanes become inactive one by one."""
+        e, (test, region) = self.e, node.data
+        varying = e.varies(test.results[0])
+        places = initial_places(e, region.params, node.args)
+        mask_kind = e.vector("i1")
+        slots = e.filled_slots(mask_kind, e.mask or ["splat (i1 true)"] * e.vectors) if varying else []
+        head, body, end = e.name("test"), e.name("while"), e.name("done")
+        e.line(f"br label %{head}")
+        e.label(head)
+        for param, place in zip(region.params, places, strict=True):
+            fetch(e, param, place)
+        masks = [e.put(f"load {mask_kind}, ptr {slot}") for slot in slots] if varying else e.mask
+        with e.active(masks):
+            self.emit(test)
+            if varying:
+                masks = e.both(masks or [], e.lanes(test.results[0]))
+                for slot, value in zip(slots, masks, strict=True):
+                    e.line(f"store {mask_kind} {value}, ptr {slot}")
+                go = e.any_lane(masks)
+            else:
+                go = e.uniform(test.results[0])
+        e.line(f"br i1 {go}, label %{body}, label %{end}")
+        e.label(body)
+        with e.active(masks):
+            self.emit(region)
+            renew(e, region.params, region.results, places)
+        e.line(f"br label %{head}")
+        e.label(end)
+        self._publish(node, places)
+
+    def _publish(self, node: Node, places: Sequence[Place]) -> None:
+        for get in self._gets.get(node, ()):
+            fetch(self.e, get, places[get.data])
+
+    # -- branches -----------------------------------------------------------------------------------
+
+    def _cond(self, node: Node, lent: Mapping[int, Node]) -> None:
+        """Branches one after another, each skipped when no active lane takes it; results that are `lent` stay in that array's memory."""
+        e, (index,) = self.e, node.args
+        varying = e.varies(index)
+        gets = self._gets.get(node, [])
+        places = [self._result_place(get, lent.get(get.data)) for get in gets]
+        held = {place.pointer for place in places if isinstance(place, Storage)}
+        kept = [array for array in lent.values() if e.storage(array).pointer in held]
+        end = e.name("joined")
+        for k, region in enumerate(node.data):
+            taken, following = e.name("case"), e.name("next")
+            chosen = self._chosen(index, k, len(node.data))
+            e.line(f"br i1 {e.any_lane(chosen) if varying else chosen[0]}, label %{taken}, label %{following}")
+            e.label(taken)
+            with e.active(e.active_among(chosen) if varying else e.mask):
+                self.emit(region, kept)
+                with e.active(e.mask if varying else None):
+                    for get, place in zip(gets, places, strict=True):
+                        renew_one(e, get, region.results[get.data], place)
+            e.line(f"br label %{following if varying else end}")
+            e.label(following)
+        e.line(f"br label %{end}")
+        e.label(end)
+        for get, place in zip(gets, places, strict=True):
+            fetch(e, get, place)
+
+    def _result_place(self, get: Node, lent: Node | None) -> Place:
+        e, varying = self.e, self.e.varies(get)
+        if lent is not None and e.storage(lent).flat != varying:
+            return e.storage(lent)
+        if get.size is not None:
+            return e.reserve(get.dtype, get.size, not varying)
+        zero = "zeroinitializer" if varying else {F64: "0.0", BOOL: "false"}.get(get.dtype, "0")
+        return e.filled_slots(e.type_of(get.dtype, varying), [zero] * (e.vectors if varying else 1))
+
+    def _chosen(self, index: Node, k: int, count: int) -> Lanes:
+        """Masks (or the one i1) of branch k; an index out of range takes the first or last."""
+        e, varying = self.e, self.e.varies(index)
+        kind = e.type_of(index.dtype, varying)
+        how = "eq" if index.dtype == BOOL or 0 < k < count - 1 else "sle" if k == 0 else "sge"
+        number = f"splat ({REGISTER[index.dtype]} {k})" if varying else str(k)
+        return [e.put(f"icmp {how} {kind} {value}, {number}") for value in e.operand(index, varying)]

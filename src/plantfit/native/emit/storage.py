@@ -1,0 +1,90 @@
+"""Arrays in memory: their layout, and loads and stores of entries at fixed places.
+
+An array that differs between lanes is interleaved, [entry][lane]; a flat array has one number per entry for all lanes. A bool
+is a byte in memory and a bit in a register.
+"""
+
+from dataclasses import dataclass
+
+from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes
+from plantfit.native.graph.nodes import BOOL
+
+
+@dataclass(frozen=True, eq=False)
+class Storage:
+    """Where an array of `size` entries is."""
+
+    pointer: str
+    dtype: str
+    size: int
+    flat: bool
+
+    @property
+    def align(self) -> int:
+        return BYTES[self.dtype]
+
+
+def to_memory(f: FunctionText, dtype: str, value: str, vector: bool) -> str:
+    """A register value as it is stored."""
+    if dtype != BOOL:
+        return value
+    return f.put(f"zext {f.type_of(BOOL, vector)} {value} to {_memory_type(f, BOOL, vector)}")
+
+
+def from_memory(f: FunctionText, dtype: str, value: str, vector: bool) -> str:
+    """A loaded value as a register holds it."""
+    if dtype != BOOL:
+        return value
+    return f.put(f"icmp ne {_memory_type(f, BOOL, vector)} {value}, {'zeroinitializer' if vector else '0'}")
+
+
+def entry_pointer(f: FunctionText, s: Storage, entry: int, u: int = 0) -> str:
+    """The address of a fixed entry, of its vector `u` when interleaved."""
+    index = entry if s.flat else (entry * f.vectors + u) * f.width
+    return f.put(f"getelementptr {MEMORY[s.dtype]}, ptr {s.pointer}, i64 {index}") if index else s.pointer
+
+
+def load_at(f: FunctionText, s: Storage, pointers: Lanes) -> Lanes:
+    """The scalar (flat) or the vectors at these addresses."""
+    kind = _memory_type(f, s.dtype, not s.flat)
+    raw = [f.put(f"load {kind}, ptr {p}, align {s.align}") for p in pointers]
+    return [from_memory(f, s.dtype, v, not s.flat) for v in raw]
+
+
+def store_at(f: FunctionText, s: Storage, pointers: Lanes, values: Lanes) -> None:
+    """Store a scalar (flat) or vectors at these addresses."""
+    kind = _memory_type(f, s.dtype, not s.flat)
+    for pointer, value in zip(pointers, values, strict=True):
+        f.line(f"store {kind} {to_memory(f, s.dtype, value, not s.flat)}, ptr {pointer}, align {s.align}")
+
+
+def read_entry(f: FunctionText, s: Storage, entry: int) -> Lanes:
+    """A fixed entry: one scalar (flat) or its vectors."""
+    kind = _memory_type(f, s.dtype, not s.flat)
+    raw = [f.put(f"load {kind}, ptr {entry_pointer(f, s, entry, u)}, align {s.align}") for u in range(1 if s.flat else f.vectors)]
+    return [from_memory(f, s.dtype, v, not s.flat) for v in raw]
+
+
+def write_entry(f: FunctionText, s: Storage, entry: int, values: Lanes) -> None:
+    """Store a fixed entry."""
+    kind = _memory_type(f, s.dtype, not s.flat)
+    for u, value in enumerate(values):
+        value = to_memory(f, s.dtype, value, not s.flat)
+        f.line(f"store {kind} {value}, ptr {entry_pointer(f, s, entry, u)}, align {s.align}")
+
+
+def copy(f: FunctionText, source: Storage, target: Storage, masks: Lanes | None = None) -> None:
+    """Copy all entries; lanes outside the masks keep theirs."""
+    if source.pointer == target.pointer:
+        return
+    for entry in range(target.size):
+        values = read_entry(f, source, entry)
+        if source.flat and not target.flat:
+            values = f.block(REGISTER[source.dtype], values[0])
+        if masks is not None and not target.flat:
+            values = f.selected(target.dtype, True, masks, values, read_entry(f, target, entry))
+        write_entry(f, target, entry, values)
+
+
+def _memory_type(f: FunctionText, dtype: str, vector: bool) -> str:
+    return f.vector(MEMORY[dtype]) if vector else MEMORY[dtype]

@@ -1,0 +1,1 @@
+"""The graph between jaxpr and LLVM: nodes, their arithmetic, elementary functions."""

@@ -1,0 +1,1 @@
+"""From a jaxpr to the graph; one rule for each primitive of lax."""

@@ -1,0 +1,1 @@
+"""The search methods, one file each; `optimize/registry.py` lists them by name."""

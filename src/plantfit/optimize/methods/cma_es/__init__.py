@@ -1,0 +1,1 @@
+"""CMA-ES, its separable and diagonal forms, and its restarts."""

@@ -1,0 +1,1 @@
+"""Differential evolution with fixed settings or a success history."""

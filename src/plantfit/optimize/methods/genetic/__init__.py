@@ -1,0 +1,1 @@
+"""Genetic algorithms, and the operators that they share."""

@@ -1,0 +1,1 @@
+"""The hierarchic memetic strategy: a tree of populations, and where it may grow."""

@@ -1,0 +1,1 @@
+"""How finely to simulate: steps, meshes, and the check against a tight solver."""

@@ -1,0 +1,286 @@
+"""How finely to simulate: step doubling before the fit, at random points of the box and at the answer.
+
+Few equal steps between samples are tried first. Where they are not enough, a model that is smooth gets a mesh (`mesh`), with steps as
+long as each place allows; others get more equal steps.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
+from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
+from plantfit.problem.evaluate.points import residuals
+from plantfit.problem.problem import Problem
+from plantfit.simulate.simulator import Drive
+from plantfit.simulate.steps.steppers import ORDER
+from plantfit.sobol import Sobol
+
+COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
+SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
+FINE = 0.03  # step error at the answer, as a share of the residual
+EVEN = 4  # equal steps a sample, up to which no mesh is made
+SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
+FINEST = 64  # equal steps a sample over the box
+MOST_STEPS = 1_000_000  # of all recordings together, at the answer
+MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
+MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
+EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
+ROUNDS = 4  # of choosing steps at one answer
+STILL, ROUNDED = 1e-3, 1e-9  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
+LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
+OFTEN = 0.1  # jumps a sample from which on the slope by a dead time is looked at
+DELAY_SHARE = 1e-5  # of its range, by which a dead time is moved to see a slope
+
+
+def choose_substeps(problem: Problem, points: int = 16) -> Problem:
+    """The problem with the fewest substeps (1, 2, 4 .. 64) whose step error is small over most of the box, or with a mesh.
+
+    At the points of a fixed Sobol sequence the median of rms(step error) / std(output) has to fall
+    under 0.3 %; points that cannot be simulated are left out. Where a mesh can be made and 4 equal steps are not enough, it is a mesh with
+    less than 0.1 % at 90 % of the points. Up to 100 samples, 90 % of the points have to be under 0.3 % with equal steps, too.
+
+    Where a late input is held, the error of the slope by its dead time has to fall under 1 % too, or the steps are a quarter: steps are
+    cut at the jumps, and the slope is uneven where these cross samples. It is looked at where bounds of the dead time put a jump on a
+    sample (at three of four points), and anywhere if there are jumps at many samples.
+    Nothing is done when the user has chosen.
+    """
+    if problem.substeps_chosen or not problem.predictor.has_steps:
+        return problem
+    z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
+    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _refined_until(problem, _step_error, z, COARSE, FINEST)
+    delays, rows = _held_delays(problem), z[: len(z) // 2]
+    most = min(4 * problem.predictor.stepping().substeps, FINEST)
+    for delay in delays:
+        for bound, side in delay.bounds_on_samples(problem):
+            error = partial(_slope_error, places=[delay.place], sides=(side,))
+            problem = _refined_until(problem, error, _with(problem, rows, delay.place, bound), SLOPE, most, 0.75)
+    often = [delay for delay in delays if delay.often]
+    for delay in often:
+        rows = delay.on_samples(problem, rows)
+    places = [delay.place for delay in often]
+    return _refined_until(problem, partial(_slope_error, places=places), rows, SLOPE, most) if often else problem
+
+
+def _refined_until(
+    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, most: int, part: float = 0.5
+) -> Problem:
+    """The problem with steps halved until `error` is below `small` for this part of the rows of z, or there are `most` substeps."""
+    while problem.predictor.stepping().substeps < most and not _small(problem, error, z, small, part):
+        problem = problem.with_simulator(problem.predictor.stepping().refined(2))
+    return problem
+
+
+def _small(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, part: float = 0.5) -> bool:
+    """Whether `error` is below `small` for this part of the rows of z that can be simulated."""
+    shares = [s for s in (error(problem, row) for row in z) if np.isfinite(s)]
+    return bool(shares and np.quantile(shares, part) < small)
+
+
+def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
+    """The fewest equal steps (1, 2, 4) with a small error at most of the points, or a mesh."""
+    spreads, steps = _all_spreads(problem), 1
+    if _dense(problem):
+        even = _refined_until(problem, _step_error, z, COARSE, EVEN)
+        short = even.predictor.stepping().substeps < EVEN or _small(even, _step_error, z, COARSE)
+        return even if short else mesh_at(problem, z, spreads, MESH, MESH_PART)
+    while steps <= EVEN:
+        errors = errors_at(problem, z, spreads, steps)
+        errors = errors[np.isfinite(errors)]
+        if len(errors) and np.quantile(errors, MESH_PART) < COARSE:
+            return problem if steps == 1 else problem.with_simulator(problem.predictor.stepping().refined(steps))
+        steps *= 2
+    return mesh_at(problem, z, spreads, MESH, MESH_PART)
+
+
+def _dense(problem: Problem) -> bool:
+    """Whether samples are many: steps as long as their distance are then hardly so long that halving them changes nothing."""
+    return sum(len(problem.experiments[n].recording) for n in problem.whole_drives) > SPARSE
+
+
+def _all_spreads(problem: Problem) -> dict[str, float]:
+    return {o: _spread(np.concatenate(_measured(problem, o)), problem.scales[o]) for o in problem.outputs}
+
+
+def _spread(y: np.ndarray, scale: float) -> float:
+    """The standard deviation of a measured output; of one that never moves a thousandth of its level, or its scale where that is zero."""
+    level = float(np.max(np.abs(y), initial=0.0))
+    return next((v for v in (float(np.std(y)) if len(y) else 0.0, STILL * level) if v > ROUNDED * level), scale)
+
+
+def _measured(problem: Problem, output: str) -> list[np.ndarray]:
+    return [own[output] for own in problem.data["measured"].values()]
+
+
+def refined_at(problem: Problem, z: np.ndarray) -> Problem:
+    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made anew there."""
+    if problem.substeps_chosen or not problem.predictor.has_steps:
+        return problem
+    meshed = can_mesh(problem)
+    if not meshed or (_dense(problem) and not problem.mesh):
+        small, most = _small_at(problem, z), EVEN if meshed else FINEST
+        while (long := _scaled_error(problem, z) > small) and problem.predictor.stepping().substeps < most:
+            problem = problem.with_simulator(problem.predictor.stepping().refined(2))
+        if not long or not meshed:
+            return problem
+    for _ in range(ROUNDS):  # the residual of coarse steps may be their error, and finer steps leave less of it
+        finer = _finer_once(problem, z, _small_at(problem, z))
+        if finer is problem:
+            break
+        problem = finer
+    return problem
+
+
+def _small_at(problem: Problem, z: np.ndarray) -> float:
+    return max(FINE * float(np.sqrt(np.mean(residuals(problem, z) ** 2))), least(problem))
+
+
+def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
+    """The problem itself where its error at z is small, a few equal steps where they are enough, else a mesh."""
+    steps, factor = problem.predictor.stepping().substeps, 1
+    while factor * steps <= (steps if problem.mesh else EVEN):
+        # halving steps that are far too long may change little: so it has to be with half of them
+        if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
+            return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
+        factor *= 2
+    return mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+
+
+def steps_for(problem: Problem, z: np.ndarray) -> Problem:
+    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, where a mesh can be made.
+
+    For what is simulated at given values; a search keeps the steps that serve all its candidates.
+    """
+    if problem.substeps_chosen or not can_mesh(problem):
+        return problem
+    spreads, z = _all_spreads(problem), np.asarray(z, dtype=float)
+    if _dense(problem) and not problem.mesh and _step_error(problem, z) <= MESH:
+        return problem
+    if max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4)) <= MESH:
+        return problem
+    return mesh_at(problem, z[None, :], spreads, MESH)
+
+
+def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
+    """The problem with a step error below this share of the residual at z; None where steps are as many as are allowed.
+
+    `share` is what an independent solver asked for; how exact the steps are by their own account does not count here.
+    """
+    if problem.substeps_chosen or not problem.predictor.has_steps:
+        return None
+    rms = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
+    if can_mesh(problem):
+        if 4 * _count(problem) > MOST_MESHED:
+            return None
+        return mesh_at(problem, z[None, :], problem.scales, max(share * rms, 0.1 * least(problem)), quarter=True)
+    simulator = problem.predictor.stepping()
+    return problem.with_simulator(simulator.refined(4)) if 4 * _count(problem) <= MOST_STEPS else None
+
+
+def least(problem: Problem) -> float:
+    """A step error that is small enough whatever the residuals are (rms of scaled outputs)."""
+    spreads = [(_spread(y, problem.scales[o]) / problem.scales[o]) ** 2 for o in problem.outputs for y in _measured(problem, o) if len(y)]
+    return LEAST * float(np.sqrt(np.mean(spreads)))
+
+
+def _count(problem: Problem) -> int:
+    """Steps of all recordings for one candidate."""
+    drives = problem.data["drive"].values()
+    return problem.predictor.stepping().substeps * sum(len(d.t) for d in drives if isinstance(d, Drive))
+
+
+def _scaled_error(problem: Problem, z: np.ndarray) -> float:
+    """Estimated rms of the step error in scaled residuals."""
+    return float(np.sqrt(np.mean(step_errors(problem, z) ** 2)))
+
+
+def _step_error(problem: Problem, z: np.ndarray) -> float:
+    spread = [
+        np.full(len(y), _spread(y, problem.scales[output]) / problem.scales[output])
+        for name in problem.data["drive"]
+        for output in problem.outputs
+        if len(y := problem.data["measured"][name][output])
+    ]
+    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
+
+
+def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Estimated step error of every scaled residual (m,) at a cube point: residuals at these steps minus those at half of them,
+    times q / (q - 1) with q = 2 ** order."""
+    simulator = problem.predictor.stepping()
+    q = 2.0 ** ORDER[simulator.stepper]
+    fine = problem.with_simulator(simulator.refined(2))
+    return (residuals(problem, z) - residuals(fine, z)) * q / (q - 1.0)
+
+
+class _HeldDelay(NamedTuple):
+    """A free dead time of a held input: its coordinate, and the samples and jumps (s) of a recording that it enters."""
+
+    place: int
+    t: np.ndarray
+    jumps: np.ndarray
+
+    @property
+    def often(self) -> bool:
+        return len(self.jumps) > OFTEN * len(self.t)
+
+    def bounds_on_samples(self, problem: Problem) -> list[tuple[float, float]]:
+        """Bounds (s) at which a jump falls on a sample, with the side (1 or -1) of each that is inside."""
+        c = problem.space.coordinates[self.place]
+        ends = [(c.lower, 1.0), (c.upper, -1.0)]
+        return [(b, side) for b, side in ends if len(self.jumps) and np.any(np.isin(_rounded(self.jumps + b), _rounded(self.t)))]
+
+    def on_samples(self, problem: Problem, z: np.ndarray) -> np.ndarray:
+        """The cube points z with the dead time moved, so that jumps fall on samples."""
+        c, shifts = problem.space.coordinates[self.place], self.t - self.jumps[0]
+        inside = shifts[(shifts > c.lower) & (shifts < c.upper)]
+        if not len(inside):
+            return z
+        own = np.array(problem.space.physical(z))[:, self.place]
+        return _with(problem, z, self.place, inside[np.argmin(np.abs(own[:, None] - inside), axis=1)])
+
+
+def _rounded(t: np.ndarray) -> np.ndarray:
+    return np.round(t, 9)
+
+
+def _with(problem: Problem, z: np.ndarray, place: int, value: float | np.ndarray) -> np.ndarray:
+    """Cube points z (n, d) with another physical value of one coordinate."""
+    values = np.array(problem.space.physical(z))
+    values[:, place] = value
+    return problem.space.cube(values)
+
+
+def _held_delays(problem: Problem) -> list[_HeldDelay]:
+    """The free dead times of held inputs, once by parameter."""
+    simulator, found = problem.predictor.stepping(), {}
+    for channel, delay in enumerate(simulator.vector.model.delays):
+        root = problem.space.root(delay.parameter)
+        for i, c in enumerate(problem.space.coordinates):
+            if c.parameter == root and root not in found and delay.input not in simulator.interpolated:
+                drive = problem.data["drive"][c.recording or next(iter(problem.data["drive"]))]
+                found[root] = _HeldDelay(i, np.asarray(drive.t), np.asarray(drive.delayed[channel].knots))
+    return list(found.values())
+
+
+def _slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], sides: tuple[float, ...] = (1.0, -1.0)) -> float:
+    """Step error of the residuals' slope by these coordinates together at a cube point, from the worse side, as a share of the slope."""
+    values = np.array(problem.space.physical(z))
+    width = DELAY_SHARE * (problem.space.upper - problem.space.lower)[list(places)]
+    simulator = problem.predictor.stepping()
+    q = 2.0 ** ORDER[simulator.stepper]
+    fine = problem.with_simulator(simulator.refined(2))
+
+    def slope(steps: Problem, side: float) -> np.ndarray:
+        moved = values.copy()
+        moved[list(places)] += side * width
+        return side * (residuals(steps, problem.space.cube(moved)) - residuals(steps, z))
+
+    shares = []
+    for side in sides:
+        exact = slope(fine, side)
+        shares.append(np.sqrt(np.mean((slope(problem, side) - exact) ** 2)) * q / (q - 1.0) / max(np.sqrt(np.mean(exact**2)), 1e-300))
+    return float(np.max(shares))

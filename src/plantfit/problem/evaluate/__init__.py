@@ -1,0 +1,1 @@
+"""Residuals, costs and derivatives of a problem at points of the unit cube."""

@@ -1,0 +1,59 @@
+"""Residuals with derivatives at single points, by the compiled function that searches side by side use too.
+
+Every shape that a loop is compiled for costs tenths of a second before its first number. In a small problem a point filled up to
+the width of a search costs microseconds more, so that choosing steps, search, finish and verdict share one shape.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.evaluate.triangle import compressed as compressed_blocks
+from plantfit.problem.problem import Problem
+from plantfit.simulate.simulator import Drive
+
+import jax
+
+WIDTH = 8  # points evaluated together, as many as `plantfit.optimize` searches side by side
+SMALL = 50_000  # entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
+
+
+@lru_cache(maxsize=16)
+def several(function: Callable) -> Callable:
+    """Of one compiled function of (z, arguments) that for several z."""
+    return jax.jit(jax.vmap(function, in_axes=(0, None)))
+
+
+def shared(problem: Problem) -> bool:
+    """Whether single points are evaluated `WIDTH` at once: small problems that are no regression and do not fall apart."""
+    if problem.predictor.simulator is None or problem.separable is not None:
+        return False
+    samples = sum(len(places) for outputs in problem.data["index"].values() for places in outputs.values())
+    # a mesh may have thousands of steps for a handful of samples
+    steps = sum(len(d.t) for d in problem.data["drive"].values() if isinstance(d, Drive)) if problem.mesh else 0
+    return max(samples, steps) * problem.space.dimension <= SMALL
+
+
+def residuals_and_jacobian(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `Problem.residuals_and_jacobian`: residuals (m,) and derivatives (m, d) at a cube point (d,)."""
+    if not shared(problem):
+        return problem.residuals_and_jacobian(z)
+    zs = np.repeat(np.asarray(z, dtype=float)[None, :], WIDTH, axis=0)
+    r, jacobian = several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)
+    return np.asarray(r)[0], np.asarray(jacobian)[0]
+
+
+def compressed(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `Problem.compressed`: residuals (k,) and derivatives (k, d) in few rows."""
+    if not shared(problem):
+        return problem.compressed(z)
+    r, jacobian = residuals_and_jacobian(problem, z)
+    return compressed_blocks([(r, jacobian, np.arange(problem.space.dimension))], problem.space.dimension)
+
+
+def residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """As `Problem.residuals` (m,); where points share a function, by that, which a search with these steps compiles anyway."""
+    data = problem.unsmoothed
+    return residuals_and_jacobian(data, z)[0] if shared(data) else np.asarray(data.residuals(z))

@@ -1,0 +1,1 @@
+"""Which coordinates enter the residuals linearly, read from the equations."""

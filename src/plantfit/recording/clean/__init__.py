@@ -1,0 +1,1 @@
+"""Cleaning: units and offsets, gaps, outliers, filters, new time grids, parts."""

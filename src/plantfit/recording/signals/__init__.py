@@ -1,0 +1,1 @@
+"""Signals made from others: derivatives, encoders, bridges, odometry, smoothed motion."""

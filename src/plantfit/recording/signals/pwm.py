@@ -1,0 +1,47 @@
+"""Duty of a pulse-width modulated bridge as the mean voltage that the motor sees."""
+
+import numpy as np
+
+from plantfit.errors import RecordingError
+from plantfit.recording.clean.sampling import require_positive, signal_of, with_new
+from plantfit.recording.record import Recording
+
+
+def duty_to_voltage(
+    recording: Recording, signal: str, name: str, supply: float | str, full_scale: float, bits: int | None = 8, efficiency: float = 1.0
+) -> Recording:
+    """Add the mean voltage of an H-bridge as `name` (V): efficiency * supply * n / (2^bits - 1), n = round((2^bits - 1) duty / full_scale).
+
+    `full_scale` is the duty that means always on: 255 for an 8-bit register, 1 for a share, 100 for percent; negative duty drives
+    backwards. `supply` is a number (V) or a signal with the battery's voltage; `bits` None leaves the duty unrounded.
+    Raises RecordingError for duty beyond full scale.
+    """
+    source = signal_of(recording, signal)
+    step = f"duty_to_voltage({signal!r})"
+    top = require_positive(full_scale, f"{step}: full_scale")
+    if bits is not None and (isinstance(bits, bool) or not isinstance(bits, int) or not 1 <= bits <= 32):
+        raise RecordingError(f"{step}: bits is {bits!r}; give a whole number from 1 to 32, or none for no rounding.")
+    if not 0 < efficiency <= 1:
+        raise RecordingError(f"{step}: efficiency is {efficiency!r}; give a share above 0 and at most 1, such as 0.98.")
+    share = source.values / top
+    beyond = np.flatnonzero(np.abs(share) > 1 + 1e-9)
+    if len(beyond):
+        raise RecordingError(
+            f"{step}: the duty is {source.values[beyond[0]]:g} at {recording.t[beyond[0]]:g} s, beyond full_scale = {top:g}; "
+            "give the value that means always on."
+        )
+    if bits is not None:
+        share = np.round(share * (2**bits - 1)) / (2**bits - 1)
+    volts, about = _supply(recording, supply, step)
+    rounding = f"rounded to {bits} bits, " if bits is not None else ""
+    sentence = f"{name!r} is the voltage of duty {signal!r} ({rounding}{about}, efficiency {efficiency:g}), {len(recording)} samples."
+    return with_new(recording, name, efficiency * volts * share, "V", sentence, step)
+
+
+def _supply(recording: Recording, supply: float | str, step: str) -> tuple[float | np.ndarray, str]:
+    if isinstance(supply, str):
+        signal = signal_of(recording, supply)
+        if signal.unit not in (None, "V"):
+            raise RecordingError(f"{step}: the supply {supply!r} is in {signal.unit!r}; convert_units to V first.")
+        return signal.values, f"supply {supply!r}"
+    return require_positive(supply, f"{step}: supply"), f"supply {supply:g} V"

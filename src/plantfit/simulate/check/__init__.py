@@ -1,0 +1,1 @@
+"""Independent tight solvers, and how far the simulation is from them."""

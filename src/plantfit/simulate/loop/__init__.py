@@ -1,0 +1,1 @@
+"""A sampled controller on a plant: sensors, controller, actuators, dead time."""

@@ -1,0 +1,190 @@
+"""One step of an ordinary differential equation, on tuples of scalars.
+
+Every stepper has the signature `step(rate, x, u0, u1, h, p, varying, pattern) -> x` where `u0`, `u1`
+are the inputs at both ends of the step (linear between), `h` its length in seconds, possibly 0,
+`varying` tells whether any input changes inside a step and `pattern` which entries of the Jacobian
+can differ from zero (None: all).
+"""
+
+import math
+from typing import Any
+
+import plantfit.runtime  # noqa: F401
+from plantfit.models.parts.tables import shared_lookups
+
+import jax
+import jax.numpy as jnp
+
+GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+
+
+def rosenbrock(rate, x, u0, u1, h, p, varying, pattern=None):
+    """Two-stage, second-order, L-stable Rosenbrock method ROS2.
+
+    Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. (2.9), gamma = 1 - 1/sqrt 2,
+    with the exact Jacobian; the term gamma h df/dt is gamma (df/du) (u1 - u0), safe at h = 0.
+    """
+    n = len(x)
+    f0, jacobian = _jacobian(rate, x, u0, p, pattern)
+    matrix = [[_plus(1.0 if i == j else 0.0, _times(-GAMMA * h, jacobian[i][j])) for j in range(n)] for i in range(n)]
+    solve = factored(matrix)
+    drift = tuple(GAMMA * d for d in _drift(rate, x, u0, u1, p)[1]) if varying else (0.0,) * n
+    k1 = solve([a + b for a, b in zip(f0, drift, strict=True)])
+    f1 = rate(tuple(a + h * k for a, k in zip(x, k1, strict=True)), u1 if varying else u0, p)
+    k2 = solve([f - 2.0 * k - d for f, k, d in zip(f1, k1, drift, strict=True)])
+    return tuple(a + h * (1.5 * b + 0.5 * c) for a, b, c in zip(x, k1, k2, strict=True))
+
+
+def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
+    """Exponential Rosenbrock-Euler step with a rational exponential; one evaluation, L-stable.
+
+    Order 2, and 3 where the rate is linear: x1 = x + (R(Z) - I) J^-1 f with Z = h J and the Pade approximant
+    R(z) = (1 + z/3) / (1 - 2z/3 + z^2/6) of exp z, the stability function of Radau IIA. Hochbruck, Ostermann and
+    Schweitzer, SIAM J. Numer. Anal. 47 (2009) 786, eq. (2.4), with this R; inputs that change by d = (df/du) (u1 - u0)
+    enter as the last column of the Jacobian of the augmented system:
+        (I - 2/3 Z + 1/6 Z^2) v = f + d/2 - Z (f + d) / 6,  x1 = x + h v.
+    """
+    n = len(x)
+    f, jacobian = _jacobian(rate, x, u0, p, pattern)
+    z = [[_times(h, a) for a in row] for row in jacobian]
+    d = _drift(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
+    v = (_rational_pair if n == 2 else _rational)(z, f, d)
+    return tuple(a + h * b for a, b in zip(x, v, strict=True))
+
+
+def _rational(z, f, d):
+    """v = (I - 2/3 Z + 1/6 Z^2)^-1 (f + d/2 - Z (f + d) / 6)."""
+    n = len(f)
+    moved = [_plus(a, b) for a, b in zip(f, d, strict=True)]
+    right = [_plus(_plus(a, _times(0.5, b)), _times(-1.0 / 6.0, _dot(row, moved))) for a, b, row in zip(f, d, z, strict=True)]
+    square = [[_dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
+    matrix = [
+        [_plus(1.0 if i == j else 0.0, _plus(_times(-2.0 / 3.0, z[i][j]), _times(1.0 / 6.0, square[i][j]))) for j in range(n)]
+        for i in range(n)
+    ]
+    return factored(matrix)(right)
+
+
+def _rational_pair(z, f, d):
+    """`_rational` for two states. Z^2 = tr(Z) Z - det(Z) I, so the matrix is a I + b Z and its inverse ((a + b tr) I - b Z)/e;
+    what it makes of c y - Z y / 6 is a sum of y and Z y."""
+    trace = _plus(z[0][0], z[1][1])
+    det = _plus(_times(z[0][0], z[1][1]), _times(-1.0, _times(z[0][1], z[1][0])))
+    a, b = _plus(1.0, _times(-1.0 / 6.0, det)), _plus(-2.0 / 3.0, _times(1.0 / 6.0, trace))
+    # e = a^2 + a b tr + b^2 det, without the terms that cancel
+    inverse = 1.0 / _plus(_times(a, a), _times(b, _plus(trace, _times(-2.0 / 3.0, det))))
+    a, b = a * inverse, b * inverse
+
+    def solved(c, y):
+        if all(map(_zero, y)):
+            return [0.0, 0.0]
+        own = _plus(_times(c, a), _times(b, _plus(_times(c, trace), _times(-1.0 / 6.0, det))))
+        turned = _plus(_times(c, b), _times(1.0 / 6.0, a))
+        return [_plus(_times(own, r), _times(-1.0, _times(turned, _dot(row, y)))) for row, r in zip(z, y, strict=True)]
+
+    return [_plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
+
+
+def _jacobian(rate, x, u, p, pattern):
+    """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
+    n = len(x)
+    columns, f = [], None
+    with shared_lookups(slopes=True):
+        for j in range(n):
+            found, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
+            columns.append(column)
+            f = found if f is None else f  # backwards all go through one evaluation as far as they can
+        f = rate(x, u, p) if f is None else f
+    return f, [[columns[j][i] if pattern is None or pattern[i][j] else 0.0 for j in range(n)] for i in range(n)]
+
+
+def _drift(rate, x, u0, u1, p):
+    """f and its change by the inputs over the step, (df/du) (u1 - u0)."""
+    return jax.jvp(lambda u: rate(x, u, p), (u0,), (tuple(b - a for a, b in zip(u0, u1, strict=True)),))
+
+
+# numbers that are known to be zero stay Python floats and cost nothing
+def _zero(a) -> bool:
+    return isinstance(a, float) and a == 0.0
+
+
+def _times(a, b):
+    return 0.0 if _zero(a) or _zero(b) else a * b
+
+
+def _plus(a, b):
+    return b if _zero(a) else a if _zero(b) else a + b
+
+
+def _dot(a, b):
+    total: Any = 0.0
+    for s, t in zip(a, b, strict=True):
+        total = _plus(total, _times(s, t))
+    return total
+
+
+def rk4(rate, x, u0, u1, h, p, varying, pattern=None):
+    """The classical fourth-order Runge-Kutta method (Kutta 1901); for plants that are not stiff."""
+    middle = tuple(0.5 * (a + b) for a, b in zip(u0, u1, strict=True)) if varying else u0
+    end = u1 if varying else u0
+
+    def moved(k, c):
+        return tuple(a + c * h * b for a, b in zip(x, k, strict=True))
+
+    k1 = rate(x, u0, p)
+    k2 = rate(moved(k1, 0.5), middle, p)
+    k3 = rate(moved(k2, 0.5), middle, p)
+    k4 = rate(moved(k3, 1.0), end, p)
+    return tuple(a + h / 6.0 * (b + 2.0 * c + 2.0 * d + e) for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True))
+
+
+STEPPERS = {"exponential": exponential, "rosenbrock": rosenbrock, "rk4": rk4}
+ORDER = {"exponential": 2, "rosenbrock": 2, "rk4": 4, "exact": 4}  # exact: any number, halving changes nothing
+
+
+def factored(m):
+    """A solver for the small matrix `m` (rows of scalars): closed form to size 2, else elimination.
+
+    With pivoting by rows, as selections rather than branches, so that a batch stays one program.
+    """
+    n = len(m)
+    if n == 0:
+        return lambda b: []
+    if n == 1:
+        inverse = 1.0 / m[0][0]
+        return lambda b: [b[0] * inverse]
+    if n == 2:
+        inverse = 1.0 / _plus(_times(m[0][0], m[1][1]), _times(-1.0, _times(m[0][1], m[1][0])))
+        return lambda b: [
+            _plus(_times(m[1][1], b[0]), _times(-1.0, _times(m[0][1], b[1]))) * inverse,
+            _plus(_times(m[0][0], b[1]), _times(-1.0, _times(m[1][0], b[0]))) * inverse,
+        ]
+    return _eliminated([list(row) for row in m])
+
+
+def _eliminated(a):
+    n = len(a)
+    record = []  # (column, row, swapped?) and multipliers, to be repeated on right-hand sides
+    for c in range(n):
+        for r in range(c + 1, n):
+            if _zero(a[r][c]):
+                continue
+            swap = jnp.abs(a[r][c]) > jnp.abs(a[c][c])
+            upper = [jnp.where(swap, y, x) for x, y in zip(a[c], a[r], strict=True)]
+            lower = [jnp.where(swap, x, y) for x, y in zip(a[c], a[r], strict=True)]
+            factor = lower[c] / upper[c]
+            a[c], a[r] = upper, [_plus(y, _times(-1.0, _times(factor, x))) for x, y in zip(upper, lower, strict=True)]
+            record.append((c, r, swap, factor))
+
+    def solve(b):
+        b = list(b)
+        for c, r, swap, factor in record:
+            top, bottom = jnp.where(swap, b[r], b[c]), jnp.where(swap, b[c], b[r])
+            b[c], b[r] = top, bottom - factor * top
+        for i in reversed(range(n)):
+            for j in range(i + 1, n):
+                b[i] = _plus(b[i], _times(-1.0, _times(a[i][j], b[j])))
+            b[i] = b[i] / a[i][i]
+        return b
+
+    return solve

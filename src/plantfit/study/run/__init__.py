@@ -1,0 +1,1 @@
+"""Who works on a study: tasks, workers, heartbeats, checkpoints, progress."""

@@ -1,0 +1,1 @@
+"""The database of studies, and studies in and out of it."""

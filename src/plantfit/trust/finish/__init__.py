@@ -1,0 +1,1 @@
+"""From the runs of a search to the final problem: steps, weights, strengths of smoothing, agreement of the runs."""

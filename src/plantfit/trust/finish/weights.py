@@ -1,0 +1,79 @@
+"""The scales that residuals of several outputs are divided by: those given stay, the others follow the residuals."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.problem.evaluate import points
+from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
+from plantfit.problem.problem import Problem
+
+ROUNDS = 10  # of estimating scales and searching with them
+SETTLED = 1e-4  # relative change of every scale that ends the rounds
+EXACT = 1e-10  # of an output's spread: residuals this small are rounding, and no scale goes below
+
+
+def open_scales(problem: Problem) -> tuple[str, ...]:
+    """The outputs whose scales are to be estimated: those that nobody gave, where there are several outputs."""
+    return tuple(o for o in problem.outputs if problem.scale_sources[o] != GIVEN) if len(problem.outputs) > 1 else ()
+
+
+def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarray], np.ndarray]) -> tuple[Problem, np.ndarray]:
+    """The problem with open scales as its residuals show them, and its answer z (d,) by `search` from there.
+
+    Each scale becomes the root mean square of its residuals and the search goes on, until nothing changes: for independent
+    residuals that is the maximum of the likelihood over parameters and scales (Seber and Wild 1989, Nonlinear Regression, sec.
+    11.4), and each of the two steps raises it, so that the rounds cannot go round in a circle.
+    """
+    names = open_scales(problem)
+    for k in range(1, ROUNDS + 1) if names else ():
+        scales = residual_scales(problem, z, names)
+        settled = all(abs(scales[o] - problem.scales[o]) <= SETTLED * problem.scales[o] for o in names)
+        problem = problem.with_scales(scales, ScaleSource("residuals", k, settled))
+        if settled:
+            break
+        z = search(problem, z)
+    return problem, z
+
+
+def residual_scales(problem: Problem, z: np.ndarray, names: Sequence[str]) -> dict[str, float]:
+    """Root mean square of the residuals of each of these outputs at the cube point z (d,), in its unit."""
+    residuals, start = points.residuals(problem, z), 0
+    squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
+    measured: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
+    for recording in problem.data["drive"]:
+        for output in problem.outputs:
+            y = problem.data["measured"][recording][output]
+            squares[output].append(residuals[start : start + len(y)] ** 2)
+            measured[output].append(y)
+            start += len(y)
+    least = {o: max(1e-12, EXACT * float(np.std(np.concatenate(measured[o])))) for o in names}
+    return {o: max(least[o], problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(squares[o]))))) for o in names}
+
+
+def who_chose(source: ScaleSource) -> str:
+    """Who chose a scale, in words."""
+    if source.kind == "residuals":
+        text = f"estimated from the residuals in {source.rounds} round{'s' if source.rounds > 1 else ''}"
+        return text if source.settled else f"{text}, still changing"
+    return _WORDS[source.kind]
+
+
+_WORDS = {"given": "given", "spread": "standard deviation of the record", "unit": "the only output, so that its scale changes nothing"}
+
+
+def weight_rows(problem: Problem) -> list[dict[str, Any]]:
+    """Rows of the findings record: the scale of every output in its unit, and who chose it."""
+    return [
+        {
+            "output": o,
+            "unit": problem.model.outputs[o],
+            "scale": float(problem.scales[o]),
+            "chosen": problem.scale_sources[o].kind,
+            "who": who_chose(problem.scale_sources[o]),
+            "rounds": problem.scale_sources[o].rounds,
+            "settled": problem.scale_sources[o].settled,
+        }
+        for o in problem.outputs
+    ]

@@ -1,0 +1,1 @@
+"""What the data can tell: ranks, flat directions, combinations, and what to measure next."""

@@ -1,0 +1,217 @@
+"""What the data determine: combinations of parameters that they leave open one by one, and what would have to be known."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations as choices
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.ranges import Linear, Range
+
+ROUGH = 0.25  # standard error over the value from which on something is only roughly known
+TOGETHER = 4  # parameters of one combination at most
+SUBSETS = 3000  # that are tried at most
+WIDER = 1.2  # times that an interval is wider by measured initial values, from which on it is told
+HEAVY = 0.05  # weight, or weight times reach, of the largest, from which on a parameter belongs to a combination
+POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
+LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
+MANY = 30  # undetermined parameters from which on nothing is named
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A product of powers (`product`) or a weighted sum of parameters `places`, its value and where the data put it."""
+
+    places: tuple[int, ...]
+    weights: tuple[float, ...]
+    product: bool
+    value: float
+    low: float
+    high: float
+    standard_error: float
+
+    def text(self, names: Sequence[str]) -> str:
+        """As a formula."""
+        own = [(names[k], w) for k, w in zip(self.places, self.weights, strict=True)]
+        if self.product:
+            up = "*".join(_power(n, w) for n, w in own if w > 0)
+            down = [_power(n, -w) for n, w in own if w < 0]
+            below = "*".join(down) if len(down) == 1 else f"({'*'.join(down)})"
+            return up + (f"/{below}" if down else "")
+        parts = [f"{'-' if w < 0 else '+'} {'' if abs(abs(w) - 1) < 5e-4 else f'{abs(w):.3g}*'}{n}" for n, w in own]
+        return " ".join(parts).removeprefix("+ ")
+
+
+def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[Row], ranges: Mapping[int, Range]) -> dict[str, Any] | None:
+    """The section "determined" of the findings record; None where there is no linearised problem (tables, many coordinates)."""
+    if linear is None:
+        return None
+    names, d = problem.space.names, len(linear.values)
+    status = {row["name"]: row["status"] for row in rows}
+    loose = [i for i in range(d) if status[names[i]] != "determined"]
+    found = combinations_of(problem, linear, loose, ranges) if linear.sound and 1 < len(loose) <= MANY else []
+    needs = only_if(linear, loose) if linear.sound and 1 < len(loose) <= MANY else {}
+    return {
+        "count": d - len(loose) + len(found),
+        "of": d,
+        "sound": linear.sound,
+        "samples": linear.samples,
+        "first_values": _by_first_values(names, linear, status),
+        "combinations": [
+            {
+                "formula": c.text(names),
+                "weights": {names[k]: float(w) for k, w in zip(c.places, c.weights, strict=True)},
+                "product": c.product,
+                "value": c.value,
+                "low": c.low,
+                "high": c.high,
+                "standard_error": c.standard_error,
+            }
+            for c in found
+        ],
+        "only_if": {
+            names[i]: {
+                "known": names[j],
+                "unit": problem.space.coordinates[j].unit,
+                "at": float(linear.values[j]),
+                "value": float(linear.values[i]),
+                "standard_error": error,
+            }
+            for i, (j, error) in needs.items()
+        },
+    }
+
+
+def _by_first_values(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> dict[str, Any] | None:
+    """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
+    known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
+    widest = max(known, key=lambda i: linear.begun[i], default=None)
+    if widest is None or linear.begun[widest] < WIDER:
+        return None
+    return {"parameter": names[widest], "factor": float(linear.begun[widest])}
+
+
+def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:
+    """Of those that the data leave open, which one other has to be known for one to be determined, and its standard error then."""
+    result: dict[int, tuple[int, float]] = {}
+    inflation = linear.threshold / linear.quantile**2
+    for j in loose:
+        others = np.array([k for k in range(len(linear.values)) if k != j])
+        _, singular, right = np.linalg.svd(linear.rows[:, others], full_matrices=False)
+        variance = np.sum((right.T / singular) ** 2, axis=1)
+        for k, v in zip(others.tolist(), variance, strict=True):
+            error = float(np.sqrt(v * inflation[k]) * linear.size[k])
+            if k in loose and error <= ROUGH * abs(linear.values[k]) and error < result.get(k, (0, np.inf))[1]:
+                result[k] = (j, error)
+    return result
+
+
+def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], ranges: Mapping[int, Range]) -> list[Combination]:
+    """Independent combinations of the parameters `loose`, the fewest parameters in each, that the data determine.
+
+    Weights are those of the direction of least variance of a subset, all others free. A product and a sum have the same direction
+    at the answer: what stays the same over the points of about the answer's cost that were met tells which of them it is, and what is
+    constant in neither form is not named.
+    """
+    met = [linear.values] + [np.asarray(problem.space.physical(z)) for i in sorted(ranges) for z in ranges[i].points]
+    cloud = np.array(met)
+    moved = np.max(np.abs(cloud - linear.values), axis=0) / linear.size  # one that is small at the answer may be large elsewhere
+    reach = np.maximum(moved, 1.0)[loose]
+    spread = linear.spread[np.ix_(loose, loose)]
+    wanted = int(np.sum(np.linalg.eigvalsh(spread) <= ROUGH**2))
+    kept: list[Combination] = []
+    directions = np.zeros((0, len(loose)))
+    for subset in islice(_subsets(len(loose)), SUBSETS):
+        if len(kept) >= wanted:
+            break
+        block = spread[np.ix_(subset, subset)]
+        values, vectors = np.linalg.eigh(block)
+        weights = vectors[:, 0]
+        if values[0] > ROUGH**2 or (len(subset) > 1 and values[1] <= ROUGH**2):
+            continue
+        if max(_evenness(weights), _evenness(weights * reach[list(subset)])) < HEAVY:
+            continue
+        found = _named(linear, cloud, [loose[k] for k in subset], weights, block)
+        if found is None:
+            continue
+        direction = np.zeros(len(loose))
+        direction[list(subset)] = weights
+        if np.linalg.matrix_rank(np.vstack([directions, direction]), tol=1e-3) == len(directions) + 1:
+            directions = np.vstack([directions, direction])
+            kept.append(found)
+    return kept
+
+
+def _evenness(weights: np.ndarray) -> float:
+    return float(np.min(np.abs(weights)) / np.max(np.abs(weights)))
+
+
+def _subsets(n: int) -> Iterator[tuple[int, ...]]:
+    return (s for size in range(2, min(TOGETHER, n) + 1) for s in choices(range(n), size))
+
+
+def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+    """The product or the sum with these weights of relative changes that is constant over the cloud."""
+    forms = [f for f in (_product(linear, cloud, places, weights, block), _sum(linear, cloud, places, weights, block)) if f is not None]
+    best = min(forms, key=lambda f: (f.high - f.low) / max(abs(f.value), 1e-300), default=None)
+    if best is None or best.high - best.low > 2 * 1.96 * ROUGH * abs(best.value):
+        return None
+    return best
+
+
+def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+    at = list(places)
+    if np.any(linear.values[at] == 0.0) or np.any(cloud[:, at] * linear.values[at] <= 0.0):
+        return None
+    powers = weights * linear.values[at] / linear.size[at]
+    powers = powers / powers[np.argmax(np.abs(powers))]
+    least = float(weights @ block @ weights) / float(weights @ weights)
+    for unit in (1.0, 2.0, 3.0, 0.5, 1.5):
+        trial = np.array([_nearest(p * unit) for p in powers])
+        if np.any(trial == 0.0) or not np.any(np.abs(trial) == 1.0):
+            continue
+        own = trial * linear.size[at] / linear.values[at]
+        variance = float(own @ block @ own)
+        if variance / float(own @ own) > max(LOOSE**2 * least, (0.04 * ROUGH) ** 2) or np.sqrt(variance) > ROUGH:
+            continue
+        trial = trial * np.sign(trial[np.argmax(np.abs(trial) == 1.0)]) if np.sum(trial > 0) == 0 else trial
+        values = np.exp(np.sum(np.log(np.abs(cloud[:, at])) * trial, axis=1))
+        sign = float(np.prod(np.where(trial % 2 == 1, np.sign(linear.values[at]), 1.0)))
+        return _combination(linear, places, trial, True, sign * values, float(np.sqrt(max(variance, 0.0))))
+    return None
+
+
+def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+    at = list(places)
+    factors = weights / linear.size[at]
+    factors = factors / factors[np.argmax(np.abs(weights))]
+    factors = np.array([float(np.round(f)) if f and abs(f - np.round(f)) < 5e-4 * abs(f) else float(f"{f:.3g}") for f in factors])
+    values = cloud[:, at] @ factors
+    if values[0] == 0.0:
+        return None
+    own = factors * linear.size[at]
+    return _combination(linear, places, factors, False, values, float(np.sqrt(max(own @ block @ own, 0.0))) / abs(values[0]))
+
+
+def _combination(
+    linear: Linear, places: Sequence[int], weights: np.ndarray, product: bool, values: np.ndarray, relative: float
+) -> Combination:
+    value, reach = float(values[0]), linear.quantile * relative * abs(float(values[0]))
+    low, high = min(value - reach, float(values.min())), max(value + reach, float(values.max()))
+    return Combination(tuple(places), tuple(weights.tolist()), product, value, low, high, relative * abs(value))
+
+
+def _nearest(power: float) -> float:
+    """The exponent of `POWERS` near a number, 0 where there is none."""
+    near = min(POWERS, key=lambda p: abs(p - abs(power)))
+    return float(np.copysign(near, power)) if abs(near - abs(power)) < 0.15 * near else 0.0
+
+
+def _power(name: str, power: float) -> str:
+    return name if power == 1.0 else f"{name}^{power:g}"

@@ -1,0 +1,1 @@
+"""Standard errors, and ranges of parameters."""

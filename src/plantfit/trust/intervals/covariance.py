@@ -1,0 +1,166 @@
+"""Standard errors at an answer, from the exact Jacobian, sound when residuals are autocorrelated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from plantfit.problem.measure.long_run import prewhitened_long_run
+
+EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
+ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but for rounding
+TIED = 1e-6  # entry of a projector from which on two coordinates move together in a space
+BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's edge
+
+
+@dataclass(frozen=True)
+class Block:
+    """Residuals of one output in one recording: rows of the Jacobian, and which error of the sensor each has, whole numbers (m,).
+
+    Those of sample numbers where errors belong to times. Neighbours may be correlated, and equal numbers are one error.
+    """
+
+    rows: slice
+    index: np.ndarray
+
+
+def normal_matrix(jacobian: np.ndarray, blocks: list[Block]) -> np.ndarray:
+    """J'J (d, d), block by block: the parameters of other recordings have columns of zeros there."""
+    total = np.zeros((jacobian.shape[1],) * 2)
+    for block in blocks:
+        rows, columns = _nonzero(jacobian[block.rows])
+        total[np.ix_(columns, columns)] += rows.T @ rows
+    return total
+
+
+def box_prior(hessian: np.ndarray) -> np.ndarray:
+    """Precision (d, d) of the box along the principal directions of the hessian (d, d).
+
+    Along a unit vector v the cube is 1 / max|v| long, and a uniform variable on that length has the variance
+    1 / (12 max|v|^2). Twelve in every direction would let n parameters that move together hide a factor sqrt(n).
+
+    Equal eigenvalues (those of directions that nothing shows, above all) span a space in which rounding chooses the directions: there
+    max|v|^2 is the largest of any v in it, for each set of coordinates that the space ties together.
+    """
+    values, vectors = np.linalg.eigh(hessian)
+    precision = np.zeros_like(hessian)
+    for space in np.split(vectors, 1 + np.flatnonzero(np.diff(values) > ALIKE * max(values[-1], 0.0)), axis=1):
+        onto = space @ space.T
+        if space.shape[1] == 1:
+            precision += BOX_PRECISION * np.max(np.abs(space)) ** 2 * onto
+            continue
+        count, labels = connected_components(np.abs(onto) > TIED, directed=False)
+        largest = np.array([np.max(np.diag(onto)[labels == k]) for k in range(count)])
+        precision += BOX_PRECISION * np.where(labels[:, None] == labels, largest[labels], 0.0) * onto
+    return precision
+
+
+def _nonzero(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (m, d) without their columns of zeros, and the places of the columns kept."""
+    columns = np.flatnonzero(np.any(rows != 0.0, axis=0))
+    return rows[:, columns], columns
+
+
+def effective_parameters(jacobian: np.ndarray, blocks: list[Block], smoothing: np.ndarray, variance: float) -> np.ndarray:
+    """How far the data and not a prior fix each coordinate (d,), 0 to 1: the diagonal of (J'J + S + v P)^-1 J'J.
+
+    `smoothing` S (d, d) is what it adds to J'J, P the precision of the box, v the residuals' `variance`. The sum is the
+    effective number of parameters (Wood, Generalized Additive Models, 2nd ed. 2017, section 5.4.2).
+    """
+    if jacobian.shape[1] == 0:
+        return np.zeros(0)
+    data = normal_matrix(jacobian, blocks)
+    total = data + smoothing
+    return np.diag(np.linalg.solve(total + max(variance, rounding(data, len(jacobian))) * box_prior(total), data)).copy()
+
+
+def rounding(data: np.ndarray, samples: int) -> float:
+    """A residual variance that is rounding: outputs are exact to 1e-10 of what a parameter does to them; data is J'J (d, d)."""
+    return max(EXACT**2 * float(np.max(np.diag(data), initial=0.0)) / max(samples, 1), 1e-200)
+
+
+def covariance(
+    jacobian: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    free: np.ndarray,
+    smoothing: np.ndarray | None = None,
+    robust: bool = True,
+    begins: np.ndarray | None = None,
+) -> np.ndarray:
+    """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
+
+    The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
+    Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
+    too short; no variance is less than residuals of one size and without memory in each block would give. The uniform prior
+    keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
+    adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
+    section 2).
+    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance). `begins` (m, k) is what noise of
+    measured values that states begin at does to the residuals (`first_values`).
+    Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
+    on, so that the memory is that of one recording.
+    """
+    d = jacobian.shape[1]
+    result = np.zeros((d, d))
+    active = np.flatnonzero(free)
+    if len(active) == 0:
+        return result
+    j = jacobian[:, active]
+    degrees = max(1, len(residuals) - len(active))
+    data = normal_matrix(j, blocks)
+    variance = max(float(residuals @ residuals) / degrees, rounding(data, len(residuals)))
+    hessian = data / variance
+    prior = box_prior(hessian)
+    if smoothing is not None:
+        smooth = smoothing[np.ix_(active, active)] / variance
+        prior = smooth + box_prior(hessian + smooth)
+    bread = np.linalg.inv(hessian + prior)
+    spread = sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust) + begun(j, bread, variance, begins)
+    inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
+    result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
+    return 0.5 * (result + result.T)
+
+
+def begun(j: np.ndarray, bread: np.ndarray, variance: float, begins: np.ndarray | None) -> np.ndarray:
+    """Covariance (d, d) that noise in measured initial values adds, from its effects on the residuals (m, k)."""
+    if begins is None or not begins.shape[1]:
+        return np.zeros_like(bread)
+    moved = bread @ (j.T @ begins) / variance
+    return moved @ moved.T
+
+
+def sandwich(
+    j: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    bread: np.ndarray,
+    prior: np.ndarray,
+    variance: float,
+    degrees: int,
+    robust: bool,
+) -> np.ndarray:
+    """Covariance (d, d) of the estimates: `bread` (d, d), the inverse of J'J / variance + `prior`, around what the residuals show.
+
+    Not `robust`, all residuals are of one size and without memory, which is the classical covariance.
+    """
+    spread = bread @ prior @ bread
+    if not robust:
+        # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
+        influences = (j[block.rows] @ bread for block in blocks)
+        return spread + sum((i.T @ i for i in influences), np.zeros_like(spread)) / variance
+    alike = spread.copy()
+    for block in blocks:
+        # what every residual does to every estimate: in these series nearly parallel columns of the
+        # Jacobian have cancelled already, so that each may be filtered by its own memory
+        rows, columns = _nonzero(j[block.rows])
+        touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
+        by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
+        spread[np.ix_(touched, touched)] += (
+            prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees
+        )
+        alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
+    # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
+    # J. Econometrics 29 (1985) 305)
+    wider = np.sqrt(np.maximum(1.0, np.diag(alike) / np.maximum(np.diag(spread), 1e-300)))
+    return spread * np.outer(wider, wider)

@@ -1,0 +1,79 @@
+"""What noise of the first measured values does to estimates, where the states begin at these values."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.evaluate.points import residuals
+from plantfit.problem.problem import Problem
+from plantfit.recording.record import Signal
+from plantfit.simulate.simulator import Drive
+from plantfit.trust.intervals.covariance import Block
+
+LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
+
+
+def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
+    """How one standard deviation of the noise of every such value changes the residuals at the cube point z (d,): columns (m, k).
+
+    The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where states do not begin
+    at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
+    where the measurement says.
+    """
+    here = residuals(problem, z)
+    keys = [(n, o) for n in problem.data["drive"] for o in problem.outputs if len(problem.data["index"][n][o])]
+    rows_of = dict(zip(keys, (b.rows for b in blocks), strict=True))
+    columns = []
+    for output in _used(problem, z):
+        noise = {n: _noise(here, rows, problem, n, o) for (n, o), rows in rows_of.items() if o == output}
+        above, below = (residuals(_moved(problem, output, noise, sign), z) for sign in (1.0, -1.0))
+        for name in noise:
+            column = np.zeros(len(here))
+            for (owner, _), rows in rows_of.items():
+                if owner == name:
+                    column[rows] = 0.5 * (above - below)[rows]
+            columns.append(column)
+    found = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
+    return found[:, np.all(np.isfinite(found), axis=0)]
+
+
+def _used(problem: Problem, z: np.ndarray) -> list[str]:
+    """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
+    if not problem.predictor.has_steps:
+        return []
+    simulator, values = problem.predictor.stepping(), problem.space.physical(np.asarray(z, dtype=float))
+    found = []
+    for place, output in enumerate(simulator.vector.outputs):
+        measured = [(n, d) for n, d in problem.data["drive"].items() if isinstance(d, Drive) and np.isfinite(d.first_output[place])]
+        for name, drive in measured[:LOOKED_AT]:
+            first = drive.first_output
+            p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+            other = tuple(v + (1e-3 * abs(v) + 1e-6) * (k == place) for k, v in enumerate(first))
+            begin, moved = (simulator.initial(p, drive.first_input, seen) for seen in (first, other))
+            if any(float(a) != float(b) for a, b in zip(begin, moved, strict=True)):
+                found.append(output)
+                break
+    return found
+
+
+def _noise(here: np.ndarray, rows: slice, problem: Problem, name: str, output: str) -> float:
+    """Standard deviation of the noise of an output in one recording, in its unit."""
+    free = max(1.0, len(here) - problem.space.dimension)
+    weight = 1.0 if problem.weights is None else float(problem.weights[name])
+    return float(np.sqrt(np.mean(here[rows] ** 2) * len(here) / free / weight)) * float(problem.scales[output])
+
+
+def _moved(problem: Problem, output: str, noise: Mapping[str, float], sign: float) -> Problem:
+    """The problem with the first measured value of one output moved in every recording, by so much of its noise."""
+    recordings = {}
+    for name, experiment in problem.experiments.items():
+        record = experiment.recording
+        y = np.array(record[output], dtype=float)
+        seen = np.flatnonzero(np.isfinite(y))
+        if len(seen):
+            y[seen[0]] += sign * noise.get(name, 0.0)
+        signals = {**record.signals, output: Signal(y, record.signals[output].unit)}
+        recordings[name] = dataclasses.replace(record, signals=signals)
+    return problem.with_recordings(recordings)

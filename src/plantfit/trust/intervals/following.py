@@ -1,0 +1,310 @@
+"""Ends of ranges followed on the problem itself: one parameter is moved, all others are fitted anew, and the cost is compared."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+import plantfit.runtime  # noqa: F401
+from plantfit.optimize.local.separable import Block
+from plantfit.problem.evaluate import points
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
+
+STEPS = 8  # of one refit
+SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
+SMALL = 1e-5  # damping of the others, relative to the largest derivative
+PROBES = 12  # refits for one end
+NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
+ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
+LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
+OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
+WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
+BETWEEN = 6  # places between the ends of a wide range that are looked at
+FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
+SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
+
+
+@dataclass(frozen=True)
+class Place:
+    """One coordinate held `at` a place of its edge of the cube, the others fitted anew.
+
+    `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there. `settled`: the
+    refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall beyond it.
+    """
+
+    at: float
+    share: float
+    point: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    settled: bool = True
+    leans: bool = False
+
+
+class Followed:
+    """Ranges of the coordinates of `problem` around the cube point z (d,), with at most so many Jacobians.
+
+    The box is all that can be simulated. Where a range reaches its end, or a refit leans on a bound that is no physical limit, the
+    linear problem says how it goes on.
+    """
+
+    def __init__(self, problem: Problem, z: np.ndarray, linear: Linear, allowed: int):
+        self.problem, self.z, self.linear, self.left = problem, np.asarray(z, dtype=float), linear, allowed
+        self.count = sum(len(i) for record in problem.data["index"].values() for i in record.values())
+        self.first = self._rows(self.z)
+        self.least = float(self.first[0] @ self.first[0])
+        space = problem.space
+        self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
+        self.lower, self.upper, self.slopes = space.lower, space.upper, space.slopes(self.z)
+        self.met: list[np.ndarray] = []
+        self.growths: dict[bytes, float] = {}  # of the sum of squares over the variance, at every point that a refit ended at
+
+    def range(self, i: int) -> Range:
+        """The range of coordinate i."""
+        self.met = []
+        ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
+        return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
+
+    def narrow(self, i: int, found: Range) -> bool:
+        """Whether a range is short beside the value."""
+        value = float(self.linear.values[i])
+        return max(found.high - value, value - found.low) <= WIDE * float(self.linear.size[i])
+
+    def look_between(self, i: int, found: Range) -> None:
+        """Refits at places between the ends of a wide range of coordinate i, and what they met.
+
+        A parameter that means nothing at the answer may mean much in the middle of its range, where others then have other values.
+        """
+        first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
+        known = [self.z, *found.points]
+        self.left = max(self.left, BETWEEN * STEPS)
+        for at in np.linspace(first, last, BETWEEN + 2)[1:-1]:
+            nearest = min(known, key=lambda z: abs(float(z[i]) - float(at)))
+            place = self._grown(i, float(at), nearest)
+            if place is not None and place.share <= 1.0:
+                known.append(place.point)
+                found.points.append(place.point)
+
+    def go_on(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
+        """Follow coordinate i further, twice as far each time, from points that cost as little as the answer, and keep what is met."""
+        self.left = max(self.left, 2 * len(starts) * STEPS)
+        for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
+            for start in starts:
+                at = self._cube(i, found.low if sign < 0 else found.high, edge)
+                for _ in range(PROBES):
+                    at = float(np.clip(self.z[i] + 2.0 * (at - self.z[i]), 0.0, 1.0))
+                    place = None if at == self.z[i] or self.left <= 0 else self._grown(i, at, start)
+                    if place is None or place.share > 1.0:
+                        break
+                    found.points.append(place.point)
+                    start, value = place.point, self._value(i, at)
+                    found.low, found.high = min(found.low, value), max(found.high, value)
+                    if at in (0.0, 1.0):
+                        break
+
+    def _end(self, i: int, sign: float) -> float:
+        """Where the range of coordinate i ends to one side, in its unit."""
+        step, x = linear_end(self.linear, i, sign)
+        end = float(self.linear.values[i] + sign * step * self.linear.size[i])
+        if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
+            end = float(self.limits[i][1 if sign > 0 else 0])  # where nothing can be simulated the linear problem is not followed far
+        here, edge = float(self.z[i]), 0.0 if sign < 0 else 1.0
+        if abs(edge - here) <= EDGE or step == 0.0:
+            return end
+        if self.left <= 0:
+            return self._unstopped(i, sign, Place(here, 0.0, self.z, *self.first), end)
+        inside, outside = Place(here, 0.0, self.z, *self.first), None
+        at, start = self._cube(i, end, edge), self._point(x)
+        for probe in range(PROBES):
+            found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start)
+            if found is None or (found.share > 1.0 and not found.settled):  # too far for one refit
+                if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
+                    break
+                at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
+                continue
+            if found.share <= 1.0:
+                inside = found
+                self.met.append(found.point)
+            elif found.leans:
+                return self._unstopped(i, sign, inside, end)  # the bound may hold what the data do not
+            else:
+                outside = found
+            if probe == 0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
+                return end
+            if at == edge and found.share <= 1.0:
+                return self._beyond(i, sign, found.share, end)
+            if self.left <= 0 or (outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)):
+                break
+            at, start = self._next(here, edge, inside, outside), None
+        if outside is not None:
+            near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
+            return self._value(i, self._between(inside, outside) if near else outside.at)
+        return self._unstopped(i, sign, inside, end)
+
+    def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
+        """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found beyond that.
+
+        A wide linear end that no refit has tried is no end: the problem may be curved.
+        """
+        limit = float(self.limits[i][1 if sign > 0 else 0])
+        if inside.point is self.z:  # nothing was found out
+            return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
+        reached = self._value(i, inside.at)
+        if sign * (reached - end) <= 0.0:
+            return end
+        return limit if inside.share < 0.5 else reached
+
+    def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
+        """The place to try next."""
+        if outside is not None:
+            low, high = inside.at, outside.at
+            off = 0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1  # a cliff, or a refit that found no way: no parabola
+            first, last = sorted((low + off * (high - low), high - off * (high - low)))
+            return min(max(self._between(inside, outside), first), last)
+        factor = float(np.clip(1.1 / np.sqrt(max(inside.share, SLIGHT)), 1.3, 4.0))
+        at = here + factor * (inside.at - here)
+        return edge if abs(at - here) >= 0.7 * abs(edge - here) else at
+
+    def _predicted(self, i: int, inside: "Place", at: float) -> np.ndarray:
+        """Where the others go when coordinate i moves to `at`, by the derivatives at the nearest place inside the range."""
+        others = np.arange(len(self.z)) != i
+        columns = inside.jacobian[:, others]
+        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        moved = inside.residuals + (at - inside.at) * inside.jacobian[:, i]
+        rows = np.vstack([columns, SMALL * np.max(scale, initial=0.0) * np.eye(int(others.sum()))])
+        right = np.r_[-moved, np.zeros(int(others.sum()))]
+        point = inside.point.copy()
+        low, high = -point[others] - 1e-15, 1.0 - point[others] + 1e-15
+        change = np.linalg.lstsq(rows, right)[0]
+        if np.any((change < low) | (change > high)):
+            change = lsq_linear(rows, right, (low, high), method="bvls").x
+        point[others] = np.clip(point[others] + change, 0.0, 1.0)
+        return point
+
+    @staticmethod
+    def _between(inside: "Place", outside: "Place") -> float:
+        """Where the growth passes the threshold, its root linear as it is for a parabola."""
+        low, high = np.sqrt(max(inside.share, 0.0)), np.sqrt(outside.share)
+        return float(inside.at + (1.0 - low) / max(high - low, 1e-12) * (outside.at - inside.at))
+
+    def _beyond(self, i: int, sign: float, share: float, end: float) -> float:
+        """Where a range ends that goes on to the edge of the box: by the growth there, as far as it says anything."""
+        limit = self.limits[i][1 if sign > 0 else 0]
+        if share <= SLIGHT:
+            return float(limit)
+        edge = 0.0 if sign < 0 else 1.0
+        reached = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share))
+        end = reached if np.isfinite(reached) else end
+        return float(np.clip(end, *self.limits[i]))
+
+    def _grown(self, i: int, at: float, start: np.ndarray) -> "Place | None":
+        """The others fitted anew with coordinate i held, from `start` (d,); None where it cannot be simulated."""
+        point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
+        point[i] = at
+        top = self.linear.threshold[i] * self.linear.variance
+        whole: dict[str, np.ndarray] = {}
+
+        def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            trial = point.copy()
+            trial[places] = x
+            self.left -= 1
+            r, j = self._rows(trial)
+            whole["tried"] = j
+            return r, j[:, places]
+
+        block = Block(places, point[places].copy(), *evaluated(point[places].copy()), tolerance=1e-9, damping=SMALL**2)
+        whole["kept"] = whole["tried"]
+        if not np.isfinite(block.cost):
+            return None
+        settled = not len(places)
+        for _ in range(STEPS if len(places) else 0):
+            if block.cost - self.least <= 0.5 * top:
+                break  # inside, which is what was asked
+            step, promised = block.step()
+            settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * (block.cost - self.least)))
+            if settled:
+                break
+            before = block.cost
+            block.update(step, promised, *evaluated(np.clip(block.x + step, 0.0, 1.0)))
+            if block.cost < before:
+                whole["kept"] = whole["tried"]
+            if block.done or self.left <= 0:
+                settled = block.done
+                break
+        point[places] = block.x
+        share = (block.cost - self.least) / top
+        self.growths[point.tobytes()] = float(share) * float(self.linear.threshold[i])
+        return Place(at, float(share), point, block.residuals, whole["kept"], settled, self._leans(places, block, top))
+
+    def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and derivatives in few rows whose squares sum to those of all samples."""
+        r, j = points.compressed(self.problem, z)
+        scale = np.sqrt(self.count / len(r))
+        return r * scale, j * scale
+
+    def _leans(self, places: np.ndarray, block: Block, top: float) -> bool:
+        """Whether a coordinate on a bound that is no physical limit could lower the sum noticeably beyond it."""
+        gradient = 2.0 * block.jacobian.T @ block.residuals
+        for k, x, g in zip(places, block.x, gradient, strict=True):
+            side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
+            if side is None:
+                continue
+            bound = self.lower[k] if side == 0 else self.upper[k]
+            room = abs(self.limits[k][side] - bound)
+            room = min(room, max(abs(bound), self.linear.size[k]))
+            slope = bound * np.log(self.upper[k] / self.lower[k]) if self.problem.space.log[k] else self.upper[k] - self.lower[k]
+            if abs(g) * room / slope > 0.1 * top:
+                return True
+        return False
+
+    def _cube(self, i: int, value: float, edge: float) -> float:
+        """The place of a value on the edge i of the cube, inside the box."""
+        if not self.lower[i] < value < self.upper[i]:
+            return edge
+        whole = self.linear.values.copy()
+        whole[i] = value
+        return float(self.problem.space.cube(whole)[i])
+
+    def _point(self, x: np.ndarray) -> np.ndarray:
+        """The cube point of the linear problem's x (d,), inside the box; the answer where that is far."""
+        if not np.all(np.isfinite(x)) or np.max(np.abs(x), initial=0.0) > 1.0:
+            return self.z
+        return np.clip(self.problem.space.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0)
+
+    def _value(self, i: int, at: float) -> float:
+        whole = self.z.copy()
+        whole[i] = at
+        with np.errstate(over="ignore"):
+            return float(np.asarray(self.problem.space.physical(whole))[i])
+
+
+def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: float) -> Mapping[int, Range]:
+    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, between 15 and 60 Jacobians for each."""
+    d = len(linear.values)
+    allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
+    walk = Followed(problem, z, linear, allowed)
+    found = {i: walk.range(i) for i in range(d)}
+    open_ones = [i for i in found if not walk.narrow(i, found[i])]
+    if len(open_ones) < d:  # else there is nothing that might be called determined
+        for i in open_ones:
+            walk.look_between(i, found[i])
+        starts = [z for i in open_ones for z in found[i].points]
+        starts = [starts[k] for k in np.unique(np.linspace(0, len(starts) - 1, FRESH).astype(int))] if starts else []
+        for i in set(found) - set(open_ones):
+            walk.go_on(i, found[i], starts)
+    _joined(problem, walk, found)
+    return found
+
+
+def _joined(problem: Problem, walk: Followed, found: Mapping[int, Range]) -> None:
+    """Widen every range by the points that were met on the way to other ends and cost as little: a valley may bend there."""
+    met = [z for r in found.values() for z in r.points]
+    if not met:
+        return
+    values = np.asarray(problem.space.physical(np.array(met)))
+    growths = np.array([walk.growths[z.tobytes()] for z in met])
+    for i, own in found.items():
+        near = values[growths <= walk.linear.threshold[i], i]
+        own.low, own.high = float(np.min(near, initial=own.low)), float(np.max(near, initial=own.high))

@@ -1,0 +1,170 @@
+"""Rows of the findings record on parameters, entry by entry, and on the tables that entries belong to."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.models.model import Model
+from plantfit.problem.problem import Problem
+from plantfit.space import Coordinate, Parameter, Space
+from plantfit.trust.identify.table_visits import Visits
+from plantfit.trust.intervals.linearised import OPEN, Local
+from plantfit.trust.intervals.ranges import Range, linear_range
+
+Row = dict[str, Any]
+
+
+NOT_VISITED = "not visited"
+ROUGH = 0.25  # standard error over the value from which on it is only roughly known
+CUT = 3.0  # times that of the range: a linearised standard error above it means nothing
+
+
+def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None) -> list[Row]:
+    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on.
+
+    `ranges` by place are those of `trust/intervals/following.py`; by default those of the linearised problem. Problems
+    without one, which have tables or many coordinates, are judged against the box.
+    """
+    rows = []
+    for i, c in enumerate(space.coordinates):
+        if c.name in unseen:
+            rows.append(_unseen(c, local, i))
+        elif local.linear is None:
+            rows.append(_free(c, local, i))
+        else:
+            rows.append(_ranged(c, local, i, ranges[i] if ranges is not None else linear_range(local.linear, i)))
+    for name, p in space.parameters.items():
+        if p.value is not None and p.tied is None:
+            values = np.broadcast_to(np.asarray(p.value, dtype=float), p.shape)
+            rows += [_fixed(name, p, index, float(values[index])) for index in np.ndindex(p.shape)]
+    return rows
+
+
+def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] = ()) -> list[Row]:
+    """One for each parameter with a shape and each recording that has its own; entries flat in row-major order."""
+    seen = {(v.table.name, v.recording): v.samples.ravel().tolist() for v in visits}
+    found: dict[tuple[str, str | None], list[Row]] = {}
+    for row in rows:
+        if row["index"]:
+            found.setdefault((row["parameter"], row["recording"]), []).append(row)
+    axes = {t.name: t for t in getattr(problem.model, "tables", ())}
+    units = _signal_units(problem.model)
+    result = []
+    for (name, recording), entries in found.items():
+        table, shape = axes.get(name), problem.space.parameters[name].shape
+        over = list(table.over) if table else [f"entry {k}" for k in range(len(shape))]
+        result.append(
+            {
+                "name": name,
+                "unit": entries[0]["unit"],
+                "over": over,
+                "over_units": [units.get(signal) for signal in over],
+                "nodes": [list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
+                "recording": recording,
+                "samples": seen.get((name, recording)),
+                **{key + "s" * (key == "value"): [e[key] for e in entries] for key in ("value", "low", "high", "status")},
+            }
+        )
+    return result
+
+
+def _free(c: Coordinate, local: Local, i: int) -> Row:
+    value, error, bound = float(local.values[i]), float(local.standard_error[i]), local.at_bound[i]
+    return {
+        "name": c.name,
+        "parameter": c.parameter,
+        "recording": c.recording,
+        "index": list(c.index),
+        "unit": c.unit,
+        "value": value,
+        "standard_error": None if bound else error,
+        "low": None if bound else max(value - 1.96 * error, c.lower),
+        "high": None if bound else min(value + 1.96 * error, c.upper),
+        "open": None,
+        "limits": None,
+        "lower_bound": c.lower,
+        "upper_bound": c.upper,
+        "scale": "log" if c.log else "linear",
+        "at_bound": bound,
+        "status": "at bound" if bound else _status(c, value, error),
+    }
+
+
+def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
+    """A row from a range. Where the data set no end to it, `low` and `high` are bounds of the search and `open` says which."""
+    assert local.linear is not None
+    value, bound = float(local.values[i]), local.at_bound[i]
+    ends = [e for e, at in (("lower", found.low), ("upper", found.high)) if not np.isfinite(at)]
+    low = found.low if np.isfinite(found.low) else min(c.lower, value)
+    high = found.high if np.isfinite(found.high) else max(c.upper, value)
+    error = None if ends or bound else _error(found, value, c, float(local.linear.standard_error[i]), local.linear.quantile)
+    return {
+        **_free(c, local, i),
+        "standard_error": error,
+        "low": float(low),
+        "high": float(high),
+        "open": None if not ends else ends[0] if len(ends) == 1 else "both",
+        "limits": [float(v) if np.isfinite(v) else None for v in c.limits],
+        "status": "at bound" if bound else _judged(c, value, found, local.linear.sound),
+    }
+
+
+def _error(found: Range, value: float, c: Coordinate, linear: float, quantile: float) -> float:
+    """The standard error of the linearised problem; the range's where limits keep the value from going so far."""
+    sides = [abs(end - value) for end, limit in zip((found.low, found.high), c.limits, strict=True) if end != limit]
+    reach = max(sides, default=abs(found.high - found.low)) / quantile
+    return float(reach) if linear > CUT * reach else linear
+
+
+def _judged(c: Coordinate, value: float, found: Range, sound: bool) -> str:
+    """How well the data fix a value, by its range against its size or the size that matters: the box has no part in it.
+
+    Where intervals are not `sound` nothing is called determined.
+    """
+    if not (np.isfinite(found.low) and np.isfinite(found.high)) or (found.low, found.high) == c.limits:
+        return "flat"
+    farther = max(found.high - value, value - found.low)
+    return "determined" if sound and farther <= 1.96 * ROUGH * max(abs(value), c.typical) else "weak"
+
+
+def _unseen(c: Coordinate, local: Local, i: int) -> Row:
+    """A value that a search left where it was, or a prior put there: it has no standard error and leans on no bound."""
+    nothing = {"standard_error": None, "low": None, "high": None, "at_bound": None}
+    return {**_free(c, local, i), **nothing, "status": NOT_VISITED}
+
+
+def _status(c: Coordinate, value: float, error: float) -> str:
+    """How well the data fix an entry of a table or one of many coordinates: open by the box, which is a prior there, rough by the value."""
+    relative = error / max(abs(value), 1e-300)
+    share = relative / np.log(c.upper / c.lower) if c.log else error / (c.upper - c.lower)
+    if share > OPEN:
+        return "flat"
+    return "weak" if relative > ROUGH else "determined"
+
+
+def _fixed(name: str, p: Parameter, index: tuple[int, ...], value: float) -> Row:
+    return {
+        "name": f"{name}[{','.join(map(str, index))}]" if index else name,
+        "parameter": name,
+        "recording": None,
+        "index": list(index),
+        "unit": p.unit,
+        "value": value,
+        "standard_error": None,
+        "low": None,
+        "high": None,
+        "lower_bound": None,
+        "upper_bound": None,
+        "scale": p.scale,
+        "at_bound": None,
+        "status": "fixed",
+    }
+
+
+def _signal_units(model: Any) -> Mapping[str, str | None]:
+    """Units of what tables may be over: signals, their delayed copies, time."""
+    if not isinstance(model, Model):
+        return {}
+    late = {d.channel: model.inputs[d.input] for d in model.delays} | {d.channel: model.states[d.state] for d in model.state_delays}
+    return {"t": "s", **late, **model.outputs, **model.states, **model.inputs}

@@ -1,0 +1,1 @@
+"""Stated errors of instruments, clocks and constants: what they do to the parameters (GUM)."""

@@ -1,0 +1,1 @@
+"""Tests of residuals, unseen data, models compared."""

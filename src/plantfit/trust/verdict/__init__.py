@@ -1,0 +1,1 @@
+"""The verdict in plain sentences; `all_sentences.py` puts them in order."""

@@ -1,0 +1,83 @@
+"""The verdict: plain sentences, each with its number, from the findings record."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from plantfit.optimize.contract import RunResult
+from plantfit.trust.verdict.agreement import agreement_sentences
+from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.parameters import parameter_sentences
+from plantfit.trust.verdict.searches import search_sentences
+from plantfit.trust.verdict.stated_errors import uncertainty_sentences
+from plantfit.trust.verdict.weights import weight_sentences
+from plantfit.trust.verdict.words import Sentence, say, with_unit
+
+Findings = Mapping[str, Any]
+
+
+def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
+    """The verdict in the order in which a reader needs it."""
+    return [
+        *fit_sentences(findings),
+        *unseen_sentences(findings),
+        *_agreement(findings, best),
+        *parameter_sentences(findings),
+        *uncertainty_sentences(findings),
+        *_combinations(findings),
+        *residual_sentences(findings),
+        *noise_sentences(findings),
+        *weight_sentences(findings),
+        *_refused(findings, best),
+        *_steps(findings),
+        *_failures(findings),
+    ]
+
+
+def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
+    yield from search_sentences(best.extra, any(p.get("open") for p in findings["parameters"]))
+    yield from agreement_sentences(findings)
+
+
+def _combinations(findings: Findings) -> Iterator[Sentence]:
+    for c in findings["combinations"]:
+        if len(c["weights"]) > 1:
+            yield say("warning", c["sentence"], relative_sd=c["relative_sd"])
+
+
+def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:
+    """Runs whose answer an independent solver could not follow, and what its cost at the reported answer led to."""
+    refused = [r["extra"]["refused"] for r in findings["runs"] if "refused" in r["extra"]]
+    if refused and "refused" not in best.extra:
+        where = refused[0].removeprefix("The answer is refused: ")
+        which = "A run" if len(refused) == 1 else f"{len(refused)} runs"
+        text = f"{which} ended in an answer that exists in the integrator only and was passed over: {where}"
+        yield say("warning", text, refused=len(refused))
+    if told := best.extra.get("steps"):
+        yield say("warning" if "still" in told else "info", told)
+
+
+def _steps(findings: Findings) -> Iterator[Sentence]:
+    if refused := findings["simulation"].get("refused"):
+        yield say("bad", f"The answer is refused: in recording {findings['simulation']['recording']}, {refused}.")
+    checked = findings["simulation"].get("recording")
+    where = f" in {checked}, the least exact recording," if checked and len(findings["recordings"]) > 1 else ""
+    reached, samples = findings["simulation"].get("checked_samples"), findings["simulation"].get("samples")
+    part = "" if refused or reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
+    for name, o in findings["simulation"].get("outputs", {}).items():
+        if not o["rms_residual"]:
+            continue
+        share = o["rms_error"] / o["rms_residual"]
+        level = "good" if share < 0.05 else "warning"
+        end = "negligible" if share < 0.05 else "not negligible: ask for more substeps"
+        text = (
+            f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{part}{where} "
+            f"({findings['simulation']['checked_with']}), {100 * share:.2g} % of the residual: {end}."
+        )
+        yield say(level, text, max_error=o["max_error"], share=share)
+
+
+def _failures(findings: Findings) -> Iterator[Sentence]:
+    failed = sum(r["failures"] for r in findings["runs"])
+    tried = sum(r["evaluations"] for r in findings["runs"])
+    if failed:
+        yield say("info", f"{failed} of {tried:.0f} evaluations could not be simulated and were passed over.", failures=failed)

@@ -1,0 +1,233 @@
+"""What the verdict says about fit, unseen data, residuals and noise; one sentence for many recordings."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.trust.validate.residual_tests import white_part
+from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit, worst
+
+Findings = Mapping[str, Any]
+Row = Mapping[str, Any]
+
+
+def fit_sentences(findings: Findings) -> Iterator[Sentence]:
+    """How well the fitted samples are followed."""
+    rows = [r for r in findings["scores"] if r["part"] == "fit"]
+    yield from _each_output(findings, rows, _fit, _fits)
+
+
+def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
+    """Whether it holds on samples that were not fitted."""
+    unseen = [r for r in findings["scores"] if r["part"] == "validation"]
+    if not unseen:
+        yield say(
+            "warning", "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second recording."
+        )
+    yield from _each_output(findings, unseen, _unseen, _unseens)
+
+
+def residual_sentences(findings: Findings) -> Iterator[Sentence]:
+    """Whether anything is left to explain."""
+    yield from _each_output(findings, findings["residual_tests"], _residual, _residuals)
+
+
+def noise_sentences(findings: Findings) -> Iterator[Sentence]:
+    """How far the fit is from the noise floor."""
+    yield from _each_output(findings, list(_noise_rows(findings)), _noise, _noises)
+
+
+def _each_output(
+    findings: Findings,
+    rows: Sequence[Row],
+    one: Callable[[Findings, Row], Sentence],
+    many: Callable[[Findings, str, Sequence[Row]], Iterator[Sentence]],
+) -> Iterator[Sentence]:
+    """A sentence for each row, or grouped ones for outputs of more than a few recordings."""
+    for output in dict.fromkeys(r["output"] for r in rows):
+        own = [r for r in rows if r["output"] == output]
+        yield from (one(findings, r) for r in own) if len(own) <= FEW else many(findings, output, own)
+
+
+def _where(findings: Findings, row: Row) -> str:
+    several = len(findings["recordings"]) > 1
+    return f"{row['output']} of {row['recording']}" if several else row["output"]
+
+
+def _names(rows: Sequence[Row]) -> str:
+    return some([r["recording"] for r in rows])
+
+
+def _fit_level(percent: float | None) -> str:
+    return "info" if percent is None else "good" if percent >= 80 else "warning" if percent >= 50 else "bad"
+
+
+def _fit(findings: Findings, row: Row) -> Sentence:
+    percent = row["fit_percent"]
+    text = f"The model follows {_where(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the fitted samples"
+    text += f", a fit of {percent:.1f} %." if percent is not None else "."
+    return say(_fit_level(percent), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
+
+
+def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    unit, known = rows[0]["unit"], [r for r in rows if r["fit_percent"] is not None]
+    rmse = span([r["rmse"] for r in rows], unit)
+    text = f"The model follows {output} of {len(rows)} recordings with an RMSE of {rmse} on the fitted samples"
+    if not known:
+        yield say("info", f"{text}.", rmse=max(r["rmse"] for r in rows))
+        return
+    low, high = (choose(known, key=lambda r: r["fit_percent"]) for choose in (min, max))
+    text += f", a fit of {low['fit_percent']:.1f} to {high['fit_percent']:.1f} % (lowest in {low['recording']})."
+    level = worst(_fit_level(r["fit_percent"]) for r in known)
+    yield say(level, text, rmse=max(r["rmse"] for r in rows), fit_percent=low["fit_percent"])
+
+
+_HOLDS = {"good": "it holds", "warning": "it holds in part", "bad": "it does not hold there"}
+
+
+def _base(findings: Findings, row: Row) -> float | None:
+    """The RMSE of the fitted samples that an unseen one is compared with."""
+    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit"}
+    own = fitted.get((row["recording"], row["output"]))
+    return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
+
+
+def _held_level(ratio: float) -> str:
+    return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
+
+
+def _unseen(findings: Findings, row: Row) -> Sentence:
+    base = _base(findings, row)
+    text = f"On samples it has not seen, the RMSE of {_where(findings, row)} is {with_unit(row['rmse'], row['unit'])}"
+    if not base:
+        return say("info", text + ".", rmse=row["rmse"])
+    ratio = row["rmse"] / base
+    level = _held_level(ratio)
+    text = f"{text}, {ratio:.2f} times that of the fitted samples: {_HOLDS[level]}.{_shift(row)}"
+    return say(level, text, rmse=row["rmse"], ratio=ratio)
+
+
+def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    bases = [_base(findings, r) for r in rows]
+    text = (
+        f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is {span([r['rmse'] for r in rows], rows[0]['unit'])}"
+    )
+    if not all(bases):
+        yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
+        return
+    ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
+    by = {level: [r for r, q in zip(rows, ratios, strict=True) if _held_level(q) == level] for level in _HOLDS}
+    held = "; ".join(f"{_HOLDS[level]} ({len(own)}: {_names(own)})" for level, own in by.items() if own)
+    yield say(
+        worst(k for k, own in by.items() if own),
+        f"{text}, {span(ratios, None)} times that of the fitted samples: {held}.",
+        ratio=max(ratios),
+    )
+
+
+def _shift(row: Row) -> str:
+    """A constant error that makes up much of the unseen error: drift rather than dynamics."""
+    if abs(row["bias"]) < 0.4 * row["rmse"]:
+        return ""
+    rest = max(row["rmse"] ** 2 - row["bias"] ** 2, 0.0) ** 0.5
+    shift = with_unit(abs(row["bias"]), row["unit"])
+    return (
+        f" A constant shift of {shift} is part of it (a drift, or an offset that changed); "
+        f"without it {with_unit(rest, row['unit'])} remain."
+    )
+
+
+def _next(row: Row) -> float:
+    """Correlation from one sample to the next."""
+    return row["autocorrelation"][1] if len(row["autocorrelation"]) > 1 else 0.0
+
+
+def _in_time(findings: Findings) -> bool:
+    """Whether rows are samples one after another."""
+    return findings.get("standard_errors", {}).get("in_time", True)
+
+
+def _one(findings: Findings) -> str:
+    return "sample" if _in_time(findings) else "row"
+
+
+def _allow(findings: Findings) -> str:
+    """What standard errors make of correlated residuals."""
+    return "do not allow for it" if findings.get("standard_errors", {}).get("kind") == "classical" else "allow for it"
+
+
+def _residual(findings: Findings, row: Row) -> Sentence:
+    where = _where(findings, row)
+    if row["white"]:
+        rest = "no dynamics are left to explain" if _in_time(findings) else "no pattern is left in the order of the rows"
+        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): {rest}."
+        return say("good", text, p_value=row["p_value"])
+    text = (
+        f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
+        f"standard errors {_allow(findings)}, and something systematic is missing"
+    )
+    left = [i for i, c in row["cross"].items() if not c["independent"]]
+    text += (
+        f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
+        if left
+        else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
+        if row["cross"]
+        else "."
+    )
+    return say("warning", text, correlation=_next(row))
+
+
+def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    white, coloured = [r for r in rows if r["white"]], [r for r in rows if not r["white"]]
+    if white:
+        where = f"{len(white)} of {len(rows)}" if coloured else f"all {len(rows)}"
+        rest = "no dynamics are left to explain there" if _in_time(findings) else "no pattern is left in the order of their rows"
+        text = f"The residuals of {output} are white in {where} recordings: {rest}."
+        yield say("good" if not coloured else "info", text, white=len(white))
+    if coloured:
+        text = (
+            f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings ({_names(coloured)}; "
+            f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
+            f"standard errors {_allow(findings)}, and something systematic is missing."
+        )
+        left = [r for r in coloured if any(not c["independent"] for c in r["cross"].values())]
+        text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
+        yield say("warning", text, correlation=max(map(_next, coloured)))
+
+
+def _noise_rows(findings: Findings) -> Iterator[Row]:
+    """Noise of every output of every recording, and how many times that the residual is."""
+    for record in findings["recordings"]:
+        for name, o in record["outputs"].items():
+            part = np.array(o["part"]) == "fit"
+            if part.sum() < 20:
+                continue
+            residual = (np.array(o["measured"], dtype=float) - np.array(o["simulated"], dtype=float))[part]
+            if not np.any(np.isfinite(residual)):
+                continue  # not measured in this recording
+            noise, rms = white_part(residual), float(np.sqrt(np.nanmean(residual**2)))
+            if np.isfinite(noise) and noise > 0 and rms > 0:
+                yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
+
+
+def _noise(findings: Findings, row: Row) -> Sentence:
+    text = (
+        f"Sample-to-sample noise of {_where(findings, row)} is about {with_unit(row['noise'], row['unit'])}; "
+        f"the residual is {row['ratio']:.1f} times that"
+    )
+    floor = row["ratio"] < 1.2
+    end = ": the fit is at the noise floor." if floor else ", so a better model could still gain."
+    return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
+
+
+def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    above = [r for r in rows if r["ratio"] >= 1.2]
+    noise, most = max(r["noise"] for r in rows), max(r["ratio"] for r in rows)
+    text = f"Sample-to-sample noise of {output} is about {span([r['noise'] for r in rows], rows[0]['unit'])}; "
+    if above:
+        text += f"in {len(above)} of {len(rows)} recordings ({_names(above)}) the residual is up to {most:.1f} times that: "
+        text += "a better model could still gain."
+    else:
+        text += f"in all {len(rows)} recordings the residual is at most {number(most)} times that: the fit is at the noise floor."
+    yield say("info" if above else "good", text, noise=noise, ratio=most)

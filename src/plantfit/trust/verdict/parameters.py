@@ -1,0 +1,174 @@
+"""What the verdict says about parameters: one sentence each for a few, one for all entries of a table."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
+from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
+
+Row = Mapping[str, Any]
+LISTED = 8  # estimates in one sentence
+
+
+def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """Which parameters the data determine, and which not."""
+    free = [p for p in findings["parameters"] if p["status"] != "fixed"]
+    single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
+    yield from _determined(single, free)
+    yield from _unsound(findings.get("determined"))
+    yield from _together(findings.get("determined"))
+    yield from _first_values(findings.get("determined"))
+    yield from table_sentences(entries, findings.get("tables", ()))
+    yield from smoothing_sentences(findings.get("smoothing", ()))
+    needs = (findings.get("determined") or {}).get("only_if", {})
+    for status, one, many in (("weak", _weak, _weaks), ("flat", _flat, _flats), ("at bound", _bound, _bounds)):
+        rows = [p for p in single if p["status"] == status]
+        for name in dict.fromkeys(p.get("parameter", p["name"]) for p in rows):
+            own = [p for p in rows if p.get("parameter", p["name"]) == name]
+            yield from (one(p, needs) for p in own) if len(own) <= FEW else (many(name, own),)
+
+
+def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence]:
+    good, total = [p for p in free if p["status"] == "determined"], len(free)
+    if not good:
+        return
+    named = [p for p in single if p["status"] == "determined"]
+    listed = ", ".join(_told(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
+    text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
+    yield say("good" if len(good) == total else "info", text, determined=len(good))
+
+
+def _told(p: Row) -> str:
+    """A value with its standard error, or with all its uncertainty where errors were stated."""
+    return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
+
+
+def _unsound(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
+    """That residuals are too slow, or records too short, for intervals that hold."""
+    if found and not found.get("sound", True):
+        text = (
+            "No parameter is called determined: the residuals move so slowly that they are worth about "
+            f"{number(found['samples'])} independent samples for {found['of']} parameters, and the intervals are too short."
+        )
+        yield say("warning", text, samples=found["samples"])
+
+
+def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
+    """Combinations that are determined where their parameters are not, all of them."""
+    if not found or not found["combinations"]:
+        return
+    own = found["combinations"]
+    listed = ", ".join(estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own)
+    many = "combinations of the others are determined" if len(own) > 1 else "combination of the others is determined"
+    text = f"{len(own)} {many}: {listed} (in the units of the parameters). In all, the data fix {found['count']} of {found['of']} numbers. "
+    text += "`plantfit combine` writes the study file in these combinations."
+    yield say("info", text, combinations=len(own), fixed=found["count"])
+
+
+def _first_values(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
+    """That noise in the first measured values reaches the parameters."""
+    if found and (own := found.get("first_values")):
+        text = (
+            f"The states begin at the first measured values, whose noise makes the interval of {own['parameter']} "
+            f"{number(own['factor'])} times as wide. Estimate the initial values instead: a parameter as the state's initial value in "
+            'equations, initial = "free" in library models that have it.'
+        )
+        yield say("info", text, factor=own["factor"])
+
+
+def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
+    between = _between(p)
+    if between and p["low"] <= 0.0 <= p["high"]:
+        text = f"{p['name']} cannot be told from zero: the data allow {between}.{_condition(p, needs)}"
+    elif between and not (p["standard_error"] or 0.0) < abs(p["value"]):
+        text = f"{p['name']} is only roughly known: the data allow {between}.{_condition(p, needs)}"
+    else:
+        text = f"{p['name']} is only roughly known: {_told(p)}{f', {between}' if between else ''}.{_condition(p, needs)}"
+    return say("warning", text, value=p["value"], standard_error=p["standard_error"])
+
+
+def _between(p: Row) -> str:
+    """The range, empty for rows without one."""
+    if not p.get("limits") or p.get("low") is None:
+        return ""
+    return f"{number(p['low'])} to {with_unit(p['high'], p['unit'])}"
+
+
+def _condition(p: Row, needs: Mapping[str, Any]) -> str:
+    """What else has to be known for this one to be determined."""
+    if p["name"] not in needs:
+        return ""
+    n = needs[p["name"]]
+    then = estimate({"name": p["name"], "unit": p["unit"], "value": n["value"], "standard_error": n["standard_error"]})
+    return f" It is determined only if {n['known']} is known: with {n['known']} = {with_unit(n['at'], n['unit'])}, {then}."
+
+
+def _weaks(name: str, rows: Sequence[Row]) -> Sentence:
+    values = span([p["value"] for p in rows], rows[0]["unit"])
+    text = f"{name} is only roughly known in {len(rows)} recordings ({_recordings(rows)}): {values}."
+    return say("warning", text, recordings=len(rows))
+
+
+def _flat(p: Row, needs: Mapping[str, Any]) -> Sentence:
+    if p.get("equal_answers"):
+        low, high = p["equal_answers"]
+        text = f"{p['name']} is not determined: runs of the same cost found it from {number(low)} to {with_unit(high, p['unit'])}."
+        return say("bad", text, low=low, high=high)
+    text = f"{p['name']} is not determined: {_allowed(p)}.{_condition(p, needs)}"
+    return say("bad", text, value=p["value"])
+
+
+def _allowed(p: Row) -> str:
+    """What the data leave open, in words."""
+    least, most = p.get("limits") or (None, None)
+    ends = p.get("open")
+    if ends is None:
+        if not p.get("limits"):
+            return f"the data allow nearly the whole range from {number(p['lower_bound'])} to {with_unit(p['upper_bound'], p['unit'])}"
+        return f"the data allow all that is possible, {number(p['low'])} to {with_unit(p['high'], p['unit'])}"
+    low = ends == "upper" and p["low"] != least  # the data set a lower end
+    high = ends == "lower" and p["high"] != most
+    if low:
+        return f"it is at least {with_unit(p['low'], p['unit'])}, and the data set no upper end"
+    if high:
+        return f"it is at most {with_unit(p['high'], p['unit'])}, and the data set no lower end"
+    side = f" above {number(least)}" if least is not None else f" below {number(most)}" if most is not None else ""
+    return f"the data allow any value{side}"
+
+
+def _flats(name: str, rows: Sequence[Row]) -> Sentence:
+    text = f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow nearly the whole range."
+    return say("bad", text, recordings=len(rows))
+
+
+def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
+    if p["at_bound"] == "lower" and p["lower_bound"] == 0.0:  # a dead time, a friction: usually nothing lies below
+        text = (
+            f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from zero{_at_most(p)}: "
+            "take it out of the model, or widen the bound where it may be negative."
+        )
+        return say("warning", text, value=p["value"])
+    text = (
+        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it further. "
+        "Widen the bound if physics allows, else take it out of the model."
+    )
+    return say("warning", text, value=p["value"])
+
+
+def _at_most(p: Row) -> str:
+    """How large a value on its lower bound may be all the same."""
+    known = p.get("limits") and p.get("high") is not None and p.get("open") in (None, "lower") and p["high"] > p["value"]
+    return f" (it is at most {with_unit(p['high'], p['unit'])})" if known else ""
+
+
+def _bounds(name: str, rows: Sequence[Row]) -> Sentence:
+    text = (
+        f"{name} ended on a bound in {len(rows)} recordings ({_recordings(rows)}): the data pull it further. "
+        "Widen the bounds if physics allows, else take it out of the model."
+    )
+    return say("warning", text, recordings=len(rows))
+
+
+def _recordings(rows: Sequence[Row]) -> str:
+    return some([str(p["recording"]) for p in rows])

@@ -1,0 +1,49 @@
+"""What the verdict says about the local searches of the best run: how many reached the answer, and what may have been missed."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from plantfit.trust.verdict.words import Sentence, say
+
+AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
+UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
+
+
+def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[Sentence]:
+    """One sentence from the bookkeeping of `optimize.basins.Basins`; none for methods without local searches.
+
+    With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing.
+    """
+    if extra.get("linear"):
+        yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
+        return
+    if "basin_hits" not in extra or "starts" not in extra:
+        return
+    hits, starts = int(extra["basin_hits"]), int(extra["starts"])
+    optima, unseen = int(extra.get("optima", 1)), float(extra.get("unseen", 0.0))
+    if starts == 0:
+        more = "where parameters are not determined, a larger budget does not help" if flat else "give a larger one"
+        yield say("warning", f"No local search came to its end within the budget: {more}.")
+        return
+    text = f"{_count(hits, starts)} from different starts ended in the best optimum"
+    if hits and optima > 1:
+        text += f", the others in {optima - 1} worse {'one' if optima == 2 else 'ones'}"
+    if hits < AGREE and flat:
+        yield say(
+            "info",
+            f"{text}: they end anywhere in the valley of parameters that are not determined.",
+            hits=hits,
+            starts=starts,
+            optima=optima,
+        )
+    elif hits < AGREE:
+        yield say("warning", f"{text}: a better one may exist; give a larger budget.", hits=hits, starts=starts, optima=optima)
+    elif optima > 1 and unseen > UNSEEN:
+        doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
+        yield say("warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen)
+    else:
+        yield say("good", f"{text}.", hits=hits, starts=starts, optima=optima)
+
+
+def _count(hits: int, starts: int) -> str:
+    return f"{hits} of {starts} local {'search' if starts == 1 else 'searches'}"

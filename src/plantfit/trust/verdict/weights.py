@@ -1,0 +1,22 @@
+"""What the verdict says about the weights of several outputs, and who chose them."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from plantfit.trust.verdict.words import Sentence, say, with_unit
+
+LISTED = 8  # outputs in one sentence
+
+
+def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence on the residuals that count as 1, where there are several outputs or the user gave one."""
+    rows = findings.get("weights", ())
+    if len(rows) < 2 and not any(row["chosen"] == "given" for row in rows):
+        return
+    told = [f"{row['output']} {with_unit(row['scale'], row['unit'])} ({row['who']})" for row in rows[:LISTED]]
+    more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
+    changing = any(not row["settled"] for row in rows)
+    text = f"Residuals that count as 1: {', '.join(told)}{more}."
+    if changing:
+        text += " Give scales where an output can be followed exactly: its weight grows without end."
+    yield say("warning" if changing else "info", text)
