@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
-ALWAYS = {"errors", "folders", "lazy", "runtime", "units"}
+ALWAYS = {"errors", "folders", "lazy", "plugins", "runtime", "units"}
 CONTRACTS = {"optimize", "models", "space", "problem"}  # where the contracts are written that "contracts" means
 
 

@@ -22,7 +22,7 @@ __all__ = ["describe", "listing", "make", "names"]
 
 def names() -> tuple[str, ...]:
     """Names of all methods."""
-    return tuple(registry.REGISTRY)
+    return tuple(registry.known())
 
 
 def make(name: str, /, **options: Any) -> Population | Host:

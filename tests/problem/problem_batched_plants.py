@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Delay, Model
 from plantfit.models.parts.tables import lookup
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.evaluate.record_by_record import Direct
+from plantfit.problem.evaluate.record_by_record import RecordByRecord
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
 
@@ -99,9 +99,9 @@ class Case:
         return Experiment(recording, fit=(-np.inf, end))
 
 
-def direct(problem: Problem) -> Direct:
+def direct(problem: Problem) -> RecordByRecord:
     """The same problem, record by record, without chunks."""
-    return Direct(problem.predictor, problem.space, problem.outputs, tuple(problem.data["drive"]))
+    return RecordByRecord(problem.predictor, problem.space, problem.outputs, tuple(problem.data["drive"]))
 
 
 def points(problem: Problem, n: int, seed: int = 0) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 from problem_batched_plants import Case, direct, plain_residuals, points
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.evaluate.batched import Batched
+from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.simulate.records.rows import RecordRows
 from plantfit.space import Parameter
 
@@ -42,8 +42,8 @@ def prepared(name) -> SimpleNamespace:
     """Case, problem, three cube points, `call(function, z)` of the batch and `plain(function, z)` record by record."""
     case = CASES[name]
     problem = case.problem()
-    batched, one_by_one = problem._functions, direct(problem)
-    assert isinstance(batched, Batched)
+    batched, one_by_one = problem.evaluator, direct(problem)
+    assert isinstance(batched, BatchedRecords)
 
     @cache
     def jitted(owner, function):
@@ -109,14 +109,14 @@ def test_gradients(name):
 @each_case
 def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
     q = prepared(name)
-    batched = q.problem._functions
+    batched = q.problem.evaluator
     if batched.whole is None:
         assert not batched.few_edges
         return
     weights = {n: 1.0 + k for k, n in enumerate(batched.names)}
     numbers = q.problem.arguments._replace(weight=np.array(list(weights.values())))
-    ways, taken, side_by_side = [], [], Batched._side_by_side
-    monkeypatch.setattr(Batched, "_side_by_side", lambda *given: taken.append(True) or side_by_side(*given))
+    ways, taken, side_by_side = [], [], BatchedRecords._side_by_side
+    monkeypatch.setattr(BatchedRecords, "_side_by_side", lambda *given: taken.append(True) or side_by_side(*given))
     for even in (True, False):
         monkeypatch.setattr(RecordRows, "even", even)
         ways.append(anew(batched.blocks, compiler_options=QUICK)(q.zs[0], numbers))
@@ -135,7 +135,7 @@ def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
 @pytest.mark.parametrize("name", [n for n in CASES if n != "one late input, new at every sample"])
 def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(name, monkeypatch):
     q = prepared(name)
-    batched, numbers = q.problem._functions, q.problem.arguments
+    batched, numbers = q.problem.evaluator, q.problem.arguments
     if batched.whole is None:
         assert not batched.few_edges
         return
@@ -159,8 +159,8 @@ def test_records_of_very_unequal_length_are_not_filled_up():
     lengths = [prepared("one record").case.lengths[0], *[4] * 9]
     case = dataclasses.replace(CASES["one record"], lengths=tuple(lengths))
     problem = case.problem()
-    batched = problem._functions
-    assert isinstance(batched, Batched)
+    batched = problem.evaluator
+    assert isinstance(batched, BatchedRecords)
     assert batched.whole is None
     zs = points(problem, 2)
     close(jax.jit(batched.costs)(zs, problem.arguments), [np.mean(plain_residuals(case, problem, z) ** 2) for z in zs], 1e-11)
@@ -187,9 +187,9 @@ def test_few_rows_keep_mean_square_gradient_and_gauss_newton_matrix(name):
 
 def test_records_that_lie_elsewhere_need_other_compiled_functions():
     one = CASES["one record"]
-    a, b = (dataclasses.replace(one, lengths=lengths).problem()._functions for lengths in ((200, 90), (90, 200)))
+    a, b = (dataclasses.replace(one, lengths=lengths).problem().evaluator for lengths in ((200, 90), (90, 200)))
     same = {"scored": tuple((np.arange(10),) for _ in range(2))}
     a, b = (dataclasses.replace(batched, **same) for batched in (a, b))
     assert a.rows.rows == b.rows.rows
-    assert a.alike(a)
-    assert not a.alike(b)
+    assert a.serves(a)
+    assert not a.serves(b)

@@ -14,7 +14,7 @@ from plantfit.models.model import Declared, Delay, Model
 from plantfit.models.parts.tables import lookup
 from plantfit.problem import Problem
 from plantfit.problem.accuracy.steps import choose_substeps
-from plantfit.problem.evaluate.batched import Batched
+from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Simulator
@@ -79,8 +79,8 @@ def cubes(kind: str, delays, gains=None) -> np.ndarray:
 @cache
 def compiled(kind: str, substeps: int, stepper: str, function: str):
     problem = problem_of(kind)
-    batched, own = problem._functions, problem.predictor.stepping()
-    assert isinstance(batched, Batched)
+    batched, own = problem.evaluator, problem.predictor.stepping()
+    assert isinstance(batched, BatchedRecords)
     assert batched.rows.size == 64
     other = batched.with_simulator(Simulator(own.vector, stepper, substeps, own.interpolated))
     return jax.jit(getattr(other, function), compiler_options=QUICK)

@@ -7,7 +7,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit import fit
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
-from plantfit.problem.evaluate.record_by_record import Direct
+from plantfit.problem.evaluate.record_by_record import RecordByRecord
 from plantfit.recording.record import Recording, Signal
 
 TRUTH = {"K": 2.0, "c": 0.3, "tau": 1.5}
@@ -57,7 +57,7 @@ def test_at_rest_the_model_equals_the_roots_of_its_equation():
 def test_moving_and_steady_records_in_one_problem_equal_record_by_record(order):
     records = {"run": Experiment(run()), "curve": Experiment(curve(0.05), steady=True)}
     problem = Problem(model(), {n: records[n] for n in order}, substeps=2)
-    direct = Direct(problem.predictor, problem.space, problem.outputs, tuple(problem.data["drive"]))
+    direct = RecordByRecord(problem.predictor, problem.space, problem.outputs, tuple(problem.data["drive"]))
     z = np.array([0.3, 0.6, 0.4])
     r, j = problem.residuals_and_jacobian(z)
     r0, j0 = direct.residuals_and_jacobian(z, problem.data)

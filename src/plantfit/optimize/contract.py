@@ -29,6 +29,7 @@ class Needs:
     schedule_bound: bool = False  # needs the budget at init; runs of different budgets are not comparable
     raw_box: bool = False  # reads Facts.lower and Facts.upper (literal salp swarm only)
     minimum_population: int = 1
+    baseline: bool = False  # only samples the cube; what it finds is no optimum
 
 
 class Facts(NamedTuple):

@@ -1,13 +1,15 @@
-"""The methods by name."""
+"""The methods by name: those of plantfit, and those that other packages bring (`plugins.py`)."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 from plantfit.errors import SearchError
-from plantfit.optimize.contract import Host, Population
+from plantfit.optimize.contract import Host, Needs, Population
 from plantfit.optimize.settings import build, close_match, describe
+from plantfit.plugins import Plugin, first_sentence, offered
 
 
 @dataclass(frozen=True)
@@ -144,14 +146,48 @@ REGISTRY = {
 }
 
 
+@dataclass(frozen=True)
+class Brought:
+    """A method of another package: its class is a frozen dataclass with `needs`, as those of plantfit; it may state its `paper`."""
+
+    plugin: Plugin
+
+    @property
+    def kind(self) -> type:
+        """The class. Raises SearchError where it cannot be imported, or is no method."""
+        kind = self.plugin.load(SearchError)
+        if not (isinstance(kind, type) and dataclasses.is_dataclass(kind) and isinstance(getattr(kind, "needs", None), Needs)):
+            raise SearchError(
+                f"{self.plugin.name!r} of the package {self.plugin.package} is no search method: it has to be a frozen dataclass "
+                "with `needs = Needs(...)`; see docs/plug-ins.md."
+            )
+        return kind
+
+    @property
+    def sentence(self) -> str:
+        return first_sentence(self.kind)
+
+    @property
+    def paper(self) -> str:
+        return str(getattr(self.kind, "paper", "")) or f"package {self.plugin.package}"
+
+
+def known() -> Mapping[str, Entry | Brought]:
+    """All methods by name: first those of plantfit, then those of other packages."""
+    return {**REGISTRY, **{n: Brought(p) for n, p in offered("methods", frozenset(REGISTRY)).items()}}
+
+
 def make(name: str, /, **settings: Any) -> Population | Host:
     """The method called `name` with checked settings.
 
     Raises SearchError for an unknown method or setting, or a value outside its range.
     """
-    if name not in REGISTRY:
-        raise SearchError(f"There is no method {name!r}; there are {list(REGISTRY)}.{close_match(name, REGISTRY)}")
-    return build(REGISTRY[name].kind, name, settings)
+    if name in REGISTRY:  # packages are not looked through for a name that is known
+        return build(REGISTRY[name].kind, name, settings)
+    methods = known()
+    if name not in methods:
+        raise SearchError(f"There is no method {name!r}; there are {list(methods)}.{close_match(name, methods)}")
+    return build(methods[name].kind, name, settings)
 
 
 def methods() -> list[dict[str, Any]]:
@@ -164,11 +200,13 @@ def methods() -> list[dict[str, Any]]:
             "needs": dataclasses.asdict(entry.kind.needs),  # type: ignore[attr-defined]
             "settings": describe(entry.kind),
         }
-        for name, entry in REGISTRY.items()
+        for name, entry in known().items()
     ]
 
 
 def name_of(method: Any) -> str:
     """The registered name of a method, else the name of its class."""
     place = f"{type(method).__module__}.{type(method).__name__}"
-    return next((name for name, entry in REGISTRY.items() if f"plantfit.optimize.{entry.place}" == place), type(method).__name__)
+    own = (name for name, entry in REGISTRY.items() if f"plantfit.optimize.{entry.place}" == place)
+    brought = (n for n, p in offered("methods", frozenset(REGISTRY)).items() if p.point.value.replace(":", ".") == place)
+    return next(own, None) or next(brought, type(method).__name__)

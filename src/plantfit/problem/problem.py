@@ -13,10 +13,11 @@ from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
-from plantfit.problem.evaluate.batched import Batched
+from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.compress import compress
-from plantfit.problem.evaluate.moving_and_steady import Mixed
-from plantfit.problem.evaluate.record_by_record import Direct
+from plantfit.problem.evaluate.evaluator import Evaluator
+from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
+from plantfit.problem.evaluate.record_by_record import RecordByRecord
 from plantfit.problem.evaluate.smoothing import Smoothed, Smoothing
 from plantfit.problem.evaluate.triangle import compressed, triangle
 from plantfit.problem.measure.experiment import Experiment, before_in_units, in_units
@@ -272,9 +273,10 @@ class Problem:
         other._prepare()
         self.compiled  # noqa: B018  made now, so that whatever is compiled later serves both
         kept = dict(self._compiled)
-        if isinstance(other._data_functions, Batched | Mixed):
+        if "batched" in kept:
+            other.evaluator_of_data  # noqa: B018  makes the batch of the new records
             fresh = other._compiled["batched"]
-            kept = {**kept, "batched": fresh} if fresh.alike(kept["batched"]) else {"batched": fresh}
+            kept = {**kept, "batched": fresh} if kept["batched"].serves(fresh) else {"batched": fresh}
         other._compiled = kept
         return other
 
@@ -306,17 +308,7 @@ class Problem:
     @cached_property
     def arguments(self) -> Any:
         """What the compiled functions take beside z; a pytree."""
-        if self.smoothing is not None:
-            return self.unsmoothed.arguments, np.array(list(self.smoothing.strengths.values()))
-        functions = self._data_functions
-        if isinstance(functions, Direct):
-            return self.data
-        if isinstance(functions, Batched):
-            numbers: Any = functions.numbers(self._fit_drive, self.scales, self.weights)
-        else:
-            numbers = functions.arguments(self._fit_drive, self.scales, self.data, self.weights)
-        with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
-            return jax.device_put(numbers)
+        return self.evaluator.arguments(self.data)
 
     @property
     def steps_a_sample(self) -> int | float:
@@ -334,26 +326,26 @@ class Problem:
         return {n: d for n, d in self._full.items() if isinstance(d, Drive)}
 
     @property
-    def _functions(self) -> Direct | Batched | Mixed | Smoothed:
+    def evaluator(self) -> Evaluator:
         """The pure functions that a search sees."""
-        functions = self._data_functions
-        return functions if self.smoothing is None else Smoothed(functions, self.smoothing, sum(map(len, self._measured.values())))
+        of_data = self.evaluator_of_data
+        return of_data if self.smoothing is None else Smoothed(of_data, self.smoothing, sum(map(len, self._measured.values())))
 
     @property
-    def _data_functions(self) -> Direct | Batched | Mixed:
-        """The pure functions for these steps; records are cut into chunks only once."""
-        direct = Direct(self.predictor, self.space, self.outputs, tuple(self._fit_drive))
+    def evaluator_of_data(self) -> Evaluator:
+        """The pure functions without smoothing; records are cut into chunks only once."""
+        one_by_one = RecordByRecord(self.predictor, self.space, self.outputs, tuple(self._fit_drive))
         moving = {n: d for n, d in self._fit_drive.items() if isinstance(d, Drive)}
         if not self.predictor.has_steps or not moving or getattr(self.model, "state_delays", ()):
-            return direct
+            return one_by_one
         simulator = self.predictor.stepping()
         if "batched" not in self._compiled:
-            self._compiled["batched"] = Batched.of(simulator, self.space, moving, self._index, self._measured)
+            self._compiled["batched"] = BatchedRecords.of(simulator, self.space, moving, self._index, self._measured)
         batched = self._compiled["batched"].with_simulator(simulator)
         if len(moving) == len(self._fit_drive):
             return batched
         counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
-        return Mixed(batched, direct, counts)
+        return MovingAndSteady(batched, one_by_one, counts)
 
     def residuals(self, z: Any) -> jax.Array:
         """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by output."""
@@ -372,7 +364,7 @@ class Problem:
         simulator = self.predictor.simulator
         key = self.smoothing is None, None if simulator is None else (simulator.stepper, simulator.substeps)
         if key not in self._compiled:
-            functions = self._functions
+            functions = self.evaluator
             names = ("residuals", "costs", "values_and_gradients", "residuals_and_jacobian", "blocks")
             self._compiled[key] = {n: jax.jit(getattr(functions, n)) for n in names}
             self._compiled[key]["outputs"] = jax.jit(self.predictor.outputs)
@@ -408,7 +400,7 @@ class Problem:
         The cost is the mean of the squares of all of them; of a regression they are few, as in `compressed`.
         """
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        return [(np.asarray(r), np.asarray(j), np.asarray(own)) for (r, j), own in zip(blocks, self._functions.local, strict=True)]
+        return [(np.asarray(r), np.asarray(j), np.asarray(own)) for (r, j), own in zip(blocks, self.evaluator.local, strict=True)]
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """What `make` gives, made once for this problem and its variants of other scales, steps and strengths of smoothing."""
@@ -420,7 +412,7 @@ class Problem:
         """(2/m) J'J v (d,): the Gauss-Newton approximation of the cost's Hessian at a cube point, times a vector (d,)."""
         v, product, count = np.asarray(v, dtype=float), np.zeros(self.space.dimension), 0
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        for (r, jacobian), own in zip(blocks, self._functions.local, strict=True):
+        for (r, jacobian), own in zip(blocks, self.evaluator.local, strict=True):
             j = np.asarray(jacobian)
             np.add.at(product, own, j.T @ (j @ v[own]))
             count += len(r)
@@ -429,20 +421,18 @@ class Problem:
     @property
     def separable(self) -> tuple[np.ndarray, ...] | None:
         """Coordinates of every recording when no two share any, so that each is a problem of its own; else None."""
-        groups = [np.asarray(own) for own in self._functions.local]
+        groups = [np.asarray(own) for own in self.evaluator.local]
         count = sum(map(len, groups))
         return tuple(groups) if len(groups) > 1 and count == len(set(np.concatenate(groups))) == self.space.dimension else None
 
     @property
     def block_places(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """For every block of compiled["blocks"] without smoothing its coordinates (q,), and its rows' places (k,) among `residuals`."""
-        functions, counts = self._data_functions, {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
+        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
         begin = dict(zip(counts, np.cumsum([0, *counts.values()])[:-1], strict=True))
-        moving = () if isinstance(functions, Direct) else functions.names if isinstance(functions, Batched) else functions.moving.names
-        still = [n for n in counts if n not in moving]
-        groups = [[n] for n in moving] + ([still] if still else [])
-        places = [np.concatenate([begin[n] + np.arange(counts[n]) for n in names]) for names in groups]
-        return [(np.asarray(own), place) for own, place in zip(functions.local, places, strict=True)]
+        evaluator = self.evaluator_of_data
+        places = [np.concatenate([begin[n] + np.arange(counts[n]) for n in names]) for names in evaluator.recordings]
+        return [(np.asarray(own), place) for own, place in zip(evaluator.local, places, strict=True)]
 
     def separable_blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         """Residuals (k,) and derivatives (k, q) of every recording in few rows; the cost is the sum of their squares."""
@@ -463,7 +453,7 @@ class Problem:
         q counts the coordinates of one recording: those of others do not enter its residuals. Alone it costs less (2.7 evaluations
         for q = 12, 7 for 31 by benchmarks/engine.py and benchmarks/steam), one of a batch, whose evaluations share lanes, more.
         """
-        return float(1 + (self._functions.local_dimension + 1) // 2)
+        return float(1 + (self.evaluator.local_dimension + 1) // 2)
 
     # -- at an answer -----------------------------------------------------------------------------
 

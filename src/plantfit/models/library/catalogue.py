@@ -1,4 +1,4 @@
-"""The models that come with plantfit, by name."""
+"""The models by name: those that come with plantfit, and those that other packages bring (`plugins.py`)."""
 
 import inspect
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from plantfit.listing import Listed, Option
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.text.suggest import suggest
+from plantfit.plugins import offered
 
 Factory = Callable[..., Model | LinearModel]
 
@@ -30,26 +31,31 @@ _PLACES = {
 
 def names() -> tuple[str, ...]:
     """Names of all models, without importing them."""
-    return tuple(_PLACES)
+    return (*_PLACES, *offered("models", frozenset(_PLACES)))
 
 
 def factory(name: str) -> Factory:
     """The function that makes the model of this name. Raises ModelError for an unknown name."""
-    if name not in _PLACES:
-        raise ModelError(
-            f"There is no model {name!r}.{suggest(name, _PLACES)} Known are {', '.join(_PLACES)}, or write your own equations."
-        )
-    return getattr(import_module(_PLACES[name]), name)
+    if name in _PLACES:
+        return getattr(import_module(_PLACES[name]), name)
+    brought = offered("models", frozenset(_PLACES))
+    if name not in brought:
+        known = names()
+        raise ModelError(f"There is no model {name!r}.{suggest(name, known)} Known are {', '.join(known)}, or write your own equations.")
+    function = brought[name].load(ModelError)
+    if not callable(function):
+        raise ModelError(f"{name!r} of the package {brought[name].package} is no function that makes a model; see docs/plug-ins.md.")
+    return function
 
 
 def models() -> dict[str, Factory]:
     """Names to the functions that make the models."""
-    return {name: factory(name) for name in _PLACES}
+    return {name: factory(name) for name in names()}
 
 
 def listing() -> tuple[Listed, ...]:
     """A record of every model: name, sentence, source, options, and how it is made."""
-    return tuple(listed(name) for name in _PLACES)
+    return tuple(listed(name) for name in names())
 
 
 def listed(name: str) -> Listed:

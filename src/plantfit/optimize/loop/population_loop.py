@@ -64,6 +64,7 @@ def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
 
     def strong(a: Array) -> Array:
         # weak types would make jax compile `advance` a second time
+        a = jnp.asarray(a)  # a plug-in may begin with a plain number
         return lax.convert_element_type(a, a.dtype)
 
     zero = jnp.zeros((), int)

@@ -15,7 +15,7 @@ from jax import Array
 class RandomSearch:
     """Independent uniform points (Bergstra and Bengio 2012, JMLR 13:281)."""
 
-    needs: ClassVar[Needs] = Needs()
+    needs: ClassVar[Needs] = Needs(baseline=True)
     population: int = integer(64, 1, 100_000, "points evaluated side by side; they do not depend on each other")
 
     def rows(self, facts: Facts) -> int:

@@ -22,7 +22,7 @@ class SobolSearch:
     Computational Mathematics and Mathematical Physics 7:86; scrambling of Matousek 1998, Journal of Complexity
     14:527; direction numbers of Joe and Kuo 2008, in scipy)."""
 
-    needs: ClassVar[Needs] = Needs()
+    needs: ClassVar[Needs] = Needs(baseline=True)
     batch: int = integer(256, 1, 100_000, "points that are evaluated at once")
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:

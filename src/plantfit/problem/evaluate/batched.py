@@ -33,7 +33,7 @@ class Numbers(NamedTuple):
     """What compiled functions need and that is not compiled in; a pytree."""
 
     rows: Chunks
-    records: Any  # the `Records` of `Batched.whole`, None without
+    records: Any  # the `Records` of `BatchedRecords.whole`, None without
     steps_first: Any
     first_input: tuple[Any, ...]  # (L,)
     first_output: tuple[Any, ...]  # (L,)
@@ -42,7 +42,7 @@ class Numbers(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Batched:
+class BatchedRecords:
     """The fitted parts of records under one simulator, as pure functions of (z, numbers)."""
 
     simulator: Simulator
@@ -62,7 +62,7 @@ class Batched:
         drives: Mapping[str, Drive],
         index: Mapping[tuple[str, str], np.ndarray],
         measured: Mapping[tuple[str, str], np.ndarray],
-    ) -> "Batched":
+    ) -> "BatchedRecords":
         """`index` and `measured` give, for every record and output, the scored samples and their values."""
         outputs, names = simulator.vector.outputs, tuple(drives)
         ranges = tuple(_widened(space.range(d.parameter)) for d in simulator.vector.model.delays)
@@ -82,8 +82,8 @@ class Batched:
         whole = make_rows(tracks, linear) if few_edges and filled(tracks) else None
         return cls(simulator, space, names, rows, whole, few_edges, scored, np.stack([space.local(name) for name in names]))
 
-    def alike(self, other: "Batched") -> bool:
-        """Whether functions compiled for the other serve these records as well."""
+    def serves(self, other: "BatchedRecords") -> bool:
+        """Whether functions compiled for these records serve the other's as well."""
         shapes = [jax.tree.map(np.shape, (b.rows.chunks, b.whole and b.whole.records)) for b in (self, other)]
         windows = [(b.rows.windows, b.whole and b.whole.windows) for b in (self, other)]
         same = windows[0] == windows[1] and self.names == other.names and shapes[0] == shapes[1]
@@ -91,22 +91,29 @@ class Batched:
         mine, theirs = ([*_flat(b.scored), *_flat(b.picked)] for b in (self, other))
         return same and all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
 
-    def with_simulator(self, simulator: Simulator) -> "Batched":
+    def with_simulator(self, simulator: Simulator) -> "BatchedRecords":
         """The same records with other steps."""
         return dataclasses.replace(self, simulator=simulator)
 
-    def numbers(self, drives: Mapping[str, Drive], scales: Mapping[str, float], weights: Mapping[str, float] | None = None) -> Numbers:
-        """The pytree that the functions below take; `weights` are those of the records' squares, 1 if None."""
-        first = [drives[n] for n in self.names]
-        return Numbers(
+    def arguments(self, data: Mapping[str, Any]) -> Numbers:
+        """The pytree that the functions below take; "weight" of `data` are those of the records' squares, 1 without."""
+        first, weights = [data["drive"][n] for n in self.names], data.get("weight")
+        numbers = Numbers(
             self.rows.chunks,
             self.whole and self.whole.records,
             self.whole and self.whole.steps_first,
             tuple(np.array(v) for v in zip(*(d.first_input for d in first), strict=True)),
             tuple(np.array(v) for v in zip(*(d.first_output for d in first), strict=True)),
-            tuple(np.asarray(scales[o]) for o in self.simulator.vector.outputs),
+            tuple(np.asarray(data["scale"][o]) for o in self.simulator.vector.outputs),
             None if weights is None else np.array([weights[n] for n in self.names]),
         )
+        with jax.ensure_compile_time_eval():  # a search may ask for them first inside a program of its own
+            return jax.device_put(numbers)
+
+    @property
+    def recordings(self) -> list[tuple[str, ...]]:
+        """Every recording is a block of its own."""
+        return [(n,) for n in self.names]
 
     @property
     def local_dimension(self) -> int:

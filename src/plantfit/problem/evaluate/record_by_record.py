@@ -17,13 +17,22 @@ MEMORY = 1 << 30  # bytes that one batch of candidates may take
 
 
 @dataclass(frozen=True, eq=False)
-class Direct:
+class RecordByRecord:
     """Pure functions of (z, data); `data` is `Problem.data`, of all the recordings `names` or some of them."""
 
     predictor: Predictor
     space: Space
     outputs: tuple[str, ...]
     names: tuple[str, ...]
+
+    @property
+    def recordings(self) -> list[tuple[str, ...]]:
+        """All of them in one block."""
+        return [self.names]
+
+    def arguments(self, data: Any) -> Any:
+        """`Problem.data` as it is."""
+        return data
 
     @property
     def local_dimension(self) -> int:

@@ -17,6 +17,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.parts.tables import Table
+from plantfit.problem.evaluate.evaluator import Evaluator
 from plantfit.problem.evaluate.second_differences import Bends, bends_of
 from plantfit.space import Space
 
@@ -109,7 +110,7 @@ class Smoothed:
     that has their coordinates.
     """
 
-    data: Any
+    data: Evaluator
     smoothing: Smoothing
     count: int  # m of eq. (1)
 
@@ -122,6 +123,15 @@ class Smoothed:
     def local(self) -> Any:
         """Coordinates of every block."""
         return self.data.local
+
+    @property
+    def recordings(self) -> Any:
+        """As those of `data`."""
+        return self.data.recordings
+
+    def arguments(self, data: Mapping[str, Any]) -> Any:
+        """Those of `data`, and the strengths."""
+        return self.data.arguments(data), np.array(list(self.smoothing.strengths.values()))
 
     def _bends(self, zs: Any, strengths: Any) -> tuple[Any, Any]:
         """Of cube points (..., d): bends (..., K) times the roots of their strengths, and these roots (K,)."""

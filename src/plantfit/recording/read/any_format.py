@@ -1,13 +1,17 @@
-"""One reader for all formats, chosen by the ending of the file name."""
+"""One reader for all formats, chosen by the ending of the file name; other packages may bring more (`plugins.py`)."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from plantfit.errors import PlantfitError, RecordingError
-from plantfit.recording.read.arrays import mat_table, npz_table, read_mat, read_npz
+from plantfit.plugins import Plugin, offered
+from plantfit.recording.read.arrays import array_table, mat_table, npz_table, read_mat, read_npz
+from plantfit.recording.read.assemble import assemble
 from plantfit.recording.read.columns import Table
 from plantfit.recording.read.csv import csv_table, read_csv
 from plantfit.recording.read.files import existing
@@ -25,13 +29,37 @@ _READERS: dict[str, tuple[Callable[..., Recording], Callable[..., Table], tuple[
     ".npz": (read_npz, npz_table, ()),
 }
 
+_OWN = tuple(ending[1:] for ending in _READERS)
+
 
 def _entry(path: str | os.PathLike[str]):
     file = existing(path)
     suffix = Path(file.stem).suffix.lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
-    if suffix not in _READERS or (file.suffix.lower() == ".gz" and suffix not in TEXT):
-        raise RecordingError(f"{file.name}: no reader for files ending in {suffix!r}; known are {sorted(_READERS)} and text with .gz.")
-    return suffix, _READERS[suffix]
+    if suffix in TEXT or (suffix in _READERS and file.suffix.lower() != ".gz"):
+        return suffix, _READERS[suffix]
+    brought = offered("readers", frozenset(_OWN))
+    if suffix[1:] not in brought or file.suffix.lower() == ".gz":
+        known = sorted([*_READERS, *(f".{name}" for name in brought)])
+        raise RecordingError(f"{file.name}: no reader for files ending in {suffix!r}; known are {known} and text with .gz.")
+    return suffix, _brought(brought[suffix[1:]])
+
+
+def _brought(plugin: Plugin) -> tuple[Callable[..., Recording], Callable[..., Table], tuple[str, ...]]:
+    """A reader of another package: a function of the path that gives named arrays, one may be "time"; names may hold units in []."""
+
+    def table(path: str | os.PathLike[str], time: str | int | None = None) -> Table:
+        arrays = plugin.load(RecordingError)(existing(path))
+        if not isinstance(arrays, Mapping):
+            raise RecordingError(
+                f"{Path(path).name}: the reader {plugin.name!r} of the package {plugin.package} gave a {type(arrays).__name__}; "
+                "it has to give a mapping of names to arrays."
+            )
+        return array_table(Path(path).name, {str(name): np.asarray(values) for name, values in arrays.items()}, time)
+
+    def recording(path: str | os.PathLike[str], **options: Any) -> Recording:
+        return assemble(table(path, options.get("time")), **options)
+
+    return recording, table, ()
 
 
 def read(path: str | os.PathLike[str], **options: Any) -> Recording:

@@ -140,7 +140,7 @@ def mat_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
         content = loadmat(file, simplify_cells=True)
     except Exception as error:  # damaged files fail in many ways inside scipy
         raise RecordingError(f"{file.name} cannot be read as a MATLAB file ({error}); save it anew with '-v7'.") from None
-    return _array_table(file.name, dict(_flat(content)), time)
+    return array_table(file.name, dict(_flat(content)), time)
 
 
 def npz_table(path: str | os.PathLike[str], time: str | int | None = None) -> Table:
@@ -151,7 +151,7 @@ def npz_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
             content = {key: archive[key] for key in archive.files}
     except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise RecordingError(f"{file.name} cannot be read as an archive of plain arrays ({error}); write it with numpy.savez.") from None
-    return _array_table(file.name, dict(_flat(content)), time)
+    return array_table(file.name, dict(_flat(content)), time)
 
 
 def _has_unit(value: Any) -> bool:
@@ -187,7 +187,7 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Any:
                 yield name, array
 
 
-def _array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int | None) -> Table:
+def array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int | None) -> Table:
     vectors = {key: np.ravel(array) for key, array in arrays.items() if array.dtype.kind in "fiubM" and array.ndim <= 2}
     left_out = {key: "it is not a vector of real numbers" for key in arrays if key not in vectors}
     long = Counter(len(vector) for vector in vectors.values() if len(vector) > 1)

@@ -14,7 +14,7 @@ import numpy as np
 from plantfit.errors import SearchError
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.loop.many_settings import Options, traceable
-from plantfit.optimize.registry import REGISTRY, make
+from plantfit.optimize.registry import known, make
 from plantfit.optimize.settings import close_match
 
 FACTOR = 100.0  # a range of many decades is searched this far to either side of the default
@@ -117,7 +117,7 @@ def dials_of(
     """
     held = dict(held or {})
     template = make(method, **held)
-    fields = {f.name: f for f in dataclasses.fields(REGISTRY[method].kind) if "range" in f.metadata or "options" in f.metadata}
+    fields = {f.name: f for f in dataclasses.fields(known()[method].kind) if "range" in f.metadata or "options" in f.metadata}
     ranges = dict(ranges or {})
     chosen = [n for n in fields if n not in held] if only is None else list(dict.fromkeys(only))
     for name in [*chosen, *ranges]:
