@@ -162,7 +162,7 @@ def test_large_constant_table():
     compare(lambda c, i: (c + 1, table[i * 1000 + c]), 0, np.arange(K))
 
 
-def test_large_tables_that_differ_between_lanes_run_in_xla():
+def test_large_tables_that_differ_between_lanes():
     tables = jnp.asarray(RNG.normal(size=(5, 3, 6000)))
     f = lambda scan: jax.vmap(jax.vmap(lambda t: scan(lambda c, i: (c + t[i * 400], None), 0.0, jnp.arange(K))[0]))  # noqa: E731
     np.testing.assert_allclose(jax.jit(f(native_scan))(tables), jax.jit(f(lax.scan))(tables))

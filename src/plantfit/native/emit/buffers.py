@@ -44,7 +44,7 @@ class Buffers:
     def _masked(self, u: int) -> bool:
         return self.narrow and u == self.e.vectors - 1
 
-    def read(self, number: int, entry: int) -> Lanes:
+    def read(self, number: int, entry: int | str) -> Lanes:
         """An entry of an input: one scalar when lanes share it, else its vectors."""
         e, leaf = self.e, self.inputs[number]
         at = self._address(f"%in{number}", leaf, entry)
@@ -83,7 +83,7 @@ class Buffers:
     def _vector_of(self, kind: str, pointer: str, u: int) -> str:
         return self.e.put(f"getelementptr {kind}, ptr {pointer}, i64 {u * self.e.width}") if u else pointer
 
-    def _address(self, pointer: str, leaf: Leaf, entry: int) -> str:
+    def _address(self, pointer: str, leaf: Leaf, entry: int | str) -> str:
         """The address of an entry at the current group, lane and row, without the axes that the leaf lacks."""
         e = self.e
         if leaf.rows:

@@ -5,6 +5,7 @@ The last block of a group overlaps the one before, so that no block is partly em
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from plantfit.native.compile.ffi_handler import handler
 from plantfit.native.emit.buffers import Buffers, Leaf
@@ -14,7 +15,7 @@ from plantfit.native.emit.emitter import Emitter
 from plantfit.native.emit.held_sums import HeldSums
 from plantfit.native.emit.llvm_text import REGISTER
 from plantfit.native.emit.regions import RegionEmitter
-from plantfit.native.emit.storage import Storage, read_entry, write_entry
+from plantfit.native.emit.storage import Storage, each_entry, read_entry, write_entry
 from plantfit.native.graph.nodes import Node, Region, walk
 from plantfit.native.passes.table_reads import table_reads
 from plantfit.native.passes.table_sums import table_sums
@@ -194,8 +195,7 @@ class _Kernel:
         if not leaf.lanes and not leaf.groups:
             return Storage(f"%in{node.data}", leaf.dtype, leaf.size, True)
         storage = self.e.reserve(leaf.dtype, leaf.size, not leaf.lanes)
-        for entry in range(leaf.size):
-            write_entry(self.e, storage, entry, self.buffers.read(node.data, entry))
+        each_entry(self.e, leaf.size, lambda entry: write_entry(self.e, storage, entry, self.buffers.read(node.data, entry)))
         return storage
 
     def _begin(self) -> list[Place]:
@@ -208,12 +208,14 @@ class _Kernel:
                 places.append(e.filled_slots(e.type_of(param.dtype, varying), self._initial(k, first, varying)))
                 continue
             storage = e.reserve(param.dtype, size, not varying)
-            for entry in range(size):
-                write_entry(e, storage, entry, self._initial(k, entry, varying))
+            each_entry(e, size, partial(self._begin_entry, k, storage, varying))
             places.append(storage)
         return places
 
-    def _initial(self, k: int, entry: int, varying: bool) -> list[str]:
+    def _begin_entry(self, k: int, storage: Storage, varying: bool, entry: int | str) -> None:
+        write_entry(self.e, storage, entry, self._initial(k, entry, varying))
+
+    def _initial(self, k: int, entry: int | str, varying: bool) -> list[str]:
         leaf = self.inputs[self.first_carry + k]
         values = self.buffers.read(self.first_carry + k, entry)
         return self.e.block(REGISTER[leaf.dtype], values[0]) if varying and not leaf.lanes else values

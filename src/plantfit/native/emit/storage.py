@@ -4,10 +4,13 @@ An array that differs between lanes is interleaved, [entry][lane]; a flat array 
 is a byte in memory and a bit in a register.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes
 from plantfit.native.graph.nodes import BOOL
+
+UNROLLED = 64  # entries copied one by one; of thousands LLVM takes minutes
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +41,33 @@ def from_memory(f: FunctionText, dtype: str, value: str, vector: bool) -> str:
     return f.put(f"icmp ne {_memory_type(f, BOOL, vector)} {value}, {'zeroinitializer' if vector else '0'}")
 
 
-def entry_pointer(f: FunctionText, s: Storage, entry: int, u: int = 0) -> str:
-    """The address of a fixed entry, of its vector `u` when interleaved."""
+def each_entry(f: FunctionText, size: int, do: Callable[[int | str], None]) -> None:
+    """`do` for every entry of an array: with its number, of a long array inside a loop with the register that counts."""
+    if size <= UNROLLED:
+        for entry in range(size):
+            do(entry)
+        return
+    head, body, end = f.name("entries"), f.name("entry"), f.name("copied")
+    (counter,) = f.filled_slots("i64", ["0"])
+    f.line(f"br label %{head}")
+    f.label(head)
+    entry = f.put(f"load i64, ptr {counter}")
+    f.line(f"br i1 {f.put(f'icmp slt i64 {entry}, {size}')}, label %{body}, label %{end}")
+    f.label(body)
+    do(entry)
+    f.line(f"store i64 {f.put(f'add i64 {entry}, 1')}, ptr {counter}")
+    f.line(f"br label %{head}")
+    f.label(end)
+
+
+def entry_pointer(f: FunctionText, s: Storage, entry: int | str, u: int = 0) -> str:
+    """The address of an entry, of its vector `u` when interleaved."""
+    if isinstance(entry, str):
+        index = entry
+        if not s.flat:
+            block = f.put(f"mul i64 {entry}, {f.vectors}")
+            index = f.put(f"mul i64 {f.put(f'add i64 {block}, {u}')}, {f.width}")
+        return f.put(f"getelementptr {MEMORY[s.dtype]}, ptr {s.pointer}, i64 {index}")
     index = entry if s.flat else (entry * f.vectors + u) * f.width
     return f.put(f"getelementptr {MEMORY[s.dtype]}, ptr {s.pointer}, i64 {index}") if index else s.pointer
 
@@ -58,15 +86,15 @@ def store_at(f: FunctionText, s: Storage, pointers: Lanes, values: Lanes) -> Non
         f.line(f"store {kind} {to_memory(f, s.dtype, value, not s.flat)}, ptr {pointer}, align {s.align}")
 
 
-def read_entry(f: FunctionText, s: Storage, entry: int) -> Lanes:
-    """A fixed entry: one scalar (flat) or its vectors."""
+def read_entry(f: FunctionText, s: Storage, entry: int | str) -> Lanes:
+    """An entry: one scalar (flat) or its vectors."""
     kind = _memory_type(f, s.dtype, not s.flat)
     raw = [f.put(f"load {kind}, ptr {entry_pointer(f, s, entry, u)}, align {s.align}") for u in range(1 if s.flat else f.vectors)]
     return [from_memory(f, s.dtype, v, not s.flat) for v in raw]
 
 
-def write_entry(f: FunctionText, s: Storage, entry: int, values: Lanes) -> None:
-    """Store a fixed entry."""
+def write_entry(f: FunctionText, s: Storage, entry: int | str, values: Lanes) -> None:
+    """Store an entry."""
     kind = _memory_type(f, s.dtype, not s.flat)
     for u, value in enumerate(values):
         value = to_memory(f, s.dtype, value, not s.flat)
@@ -77,13 +105,16 @@ def copy(f: FunctionText, source: Storage, target: Storage, masks: Lanes | None 
     """Copy all entries; lanes outside the masks keep theirs."""
     if source.pointer == target.pointer:
         return
-    for entry in range(target.size):
+
+    def one(entry: int | str) -> None:
         values = read_entry(f, source, entry)
         if source.flat and not target.flat:
             values = f.block(REGISTER[source.dtype], values[0])
         if masks is not None and not target.flat:
             values = f.selected(target.dtype, True, masks, values, read_entry(f, target, entry))
         write_entry(f, target, entry, values)
+
+    each_entry(f, target.size, one)
 
 
 def _memory_type(f: FunctionText, dtype: str, vector: bool) -> str:
