@@ -69,7 +69,9 @@ def inside_kinds(problem: Problem) -> dict[str, tuple[str, ...]]:
     still = {b.state for b in model.backlashes}
     moving = tuple(s for s in model.states if s not in still)
     fast = tuple(s for s in moving if _velocity(model.states[s]) and s not in {f.velocity for f in model.frictions})
-    return {"coulomb": fast, "quadratic": fast, "start": moving}
+    had = {p.name for p in model.parameters}
+    kinds = {"coulomb": fast, "quadratic": fast, "start": moving}
+    return {kind: tuple(s for s in states if parameter_name(kind, s) not in had) for kind, states in kinds.items()}
 
 
 def _velocity(unit: str | None) -> bool:
@@ -79,11 +81,13 @@ def _velocity(unit: str | None) -> bool:
     return any(units.compatible(unit, other) for other in ("m/s", "rad/s", "rpm"))
 
 
-def catalogue(problem: Problem, rows: Rows, creeps: dict[str, float]) -> list[Extension]:
+def catalogue(problem: Problem, rows: Rows) -> list[Extension]:
     """Every addition that applies to a problem, in the order in which equals are named."""
     model = problem.model
     assert isinstance(model, Model)
-    return [*_of_inputs(problem, model), *_of_states(model, creeps), *_of_outputs(problem, model, rows)]
+    had = {p.name for p in model.parameters}
+    every = [*_of_inputs(problem, model), *_of_states(problem, model), *_of_outputs(problem, model, rows)]
+    return [e for e in every if e.parameter not in had]
 
 
 def _of_inputs(problem: Problem, model: Model) -> Iterator[Extension]:
@@ -106,16 +110,19 @@ def _of_inputs(problem: Problem, model: Model) -> Iterator[Extension]:
         yield _made("backlash", u, unit, 0.0, 0.5 * float(np.ptp(values)), gaps)
 
 
-def _of_states(model: Model, creeps: dict[str, float]) -> Iterator[Extension]:
-    for kind, states in (("coulomb", creeps), ("quadratic", creeps)):
+def _of_states(problem: Problem, model: Model) -> Iterator[Extension]:
+    for kind, states in inside_kinds(problem).items():
         for s in states:
             unit = model.states[s]
-            own = None if unit is None else (f"({unit or '1'})/s" if kind == "coulomb" else f"1/s/({unit or '1'})")
-            yield _made(kind, s, own, 0.0, np.inf)
-    still = {b.state for b in model.backlashes}
-    for s, unit in model.states.items():
-        if s not in still:
-            yield _made("start", s, units.difference_of(unit), -np.inf, np.inf)
+            if kind == "start":
+                yield _made(kind, s, units.difference_of(unit), -np.inf, np.inf)
+            else:
+                own = None if unit is None else (_joined(unit, "/s") if kind == "coulomb" else f"1/s/({unit or '1'})")
+                yield _made(kind, s, own, 0.0, np.inf)
+
+
+def _joined(unit: str, end: str) -> str:
+    return f"{unit}{end}" if unit.isalpha() else f"({unit or '1'}){end}"
 
 
 def _of_outputs(problem: Problem, model: Model, rows: Rows) -> Iterator[Extension]:
@@ -126,7 +133,7 @@ def _of_outputs(problem: Problem, model: Model, rows: Rows) -> Iterator[Extensio
         step = units.difference_of(unit)
         yield _made("sensor_lag", y, "s", 0.02 * period, length, times)
         yield _made("offset", y, step, -np.inf, np.inf)
-        yield _made("drift", y, None if step is None else f"({step or '1'})/s", -np.inf, np.inf)
+        yield _made("drift", y, None if step is None else _joined(step, "/s"), -np.inf, np.inf)
         own = rows.measured[(rows.output == y) & (rows.fit | rows.unseen)] * problem.scales[y]
         low, high = float(np.min(own)), float(np.max(own))
         if high > low:

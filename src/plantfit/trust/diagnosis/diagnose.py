@@ -9,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
+from plantfit.models.suggest import suggest
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
@@ -63,9 +64,12 @@ class Outliers:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """`rounds` of trials, each beside what the one before found; `outliers`; the carrier on which all were made."""
+    """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
+    were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen."""
 
     carrier: Carrier
+    base: Fitted
+    apart: np.ndarray
     rounds: tuple[Round, ...]
     outliers: Outliers
     evaluations: int
@@ -76,11 +80,27 @@ class Diagnosis:
         """The first of each round that found something."""
         return tuple(r.found[0] for r in self.rounds if r.found)
 
+    def answer_values(self) -> dict[str, float]:
+        """Parameters of the problem by coordinate name, in their units, as the last fit has them, and those of what was found."""
+        end = self.found[-1].at if self.found else self.base
+        assert end is not None
+        space = self.carrier.given.space
+        values = dict(zip(space.names, np.asarray(space.physical(end.x[: self.carrier.own])).tolist(), strict=True))
+        return values | {a.parameter: end.value(a, self.carrier) for a in end.additions}
 
-def diagnose(problem: Problem, z: np.ndarray, progress: Callable[[str], None] | None = None, rounds: int = ROUNDS) -> Diagnosis:
+
+def diagnose(
+    problem: Problem,
+    z: np.ndarray,
+    progress: Callable[[str], None] | None = None,
+    rounds: int = ROUNDS,
+    only: str | None = None,
+) -> Diagnosis:
     """Try every addition of the catalogue at the answer z (d,) of a problem, and name those that the data ask for.
 
-    Raises ModelError for a model that is not simulated over time.
+    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one alone is tried.
+    `progress` is told what is being tried. Raises ModelError for a model that is not simulated over time, and for an addition that the
+    catalogue does not have.
     """
     model = problem.model
     if not isinstance(model, Model) or not problem.predictor.has_steps or any(e.steady for e in problem.experiments.values()):
@@ -97,15 +117,26 @@ def diagnose(problem: Problem, z: np.ndarray, progress: Callable[[str], None] | 
     outliers = _outliers(base, apart, carrier)
     if apart.any():
         base = fitted(carrier, (), base.x, np.zeros(0), use)
-    extensions, made, count, blocks = catalogue(problem, rows, dict(carrier.creeps)), [], base.evaluations, False
+    extensions, made, count, blocks = catalogue(problem, rows), [], base.evaluations, False
+    if only is not None:
+        extensions, rounds = _only(extensions, only), 1
+    bare = base
     for _ in range(rounds):
-        one, used, blocks = _round(carrier, base, extensions, use, kept, say)
+        one, used, cut = _round(carrier, base, extensions, use, kept, say)
         made.append(one)
-        count += used
+        count, blocks = count + used, blocks or cut
         if not one.found or one.found[0].at is None:
             break
         base = one.found[0].at
-    return Diagnosis(carrier, tuple(made), outliers, count, blocks)
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, count, blocks)
+
+
+def _only(extensions: Sequence[Extension], name: str) -> list[Extension]:
+    found = [e for e in extensions if e.name == name.strip()]
+    if not found:
+        names = [e.name for e in extensions]
+        raise ModelError(f"There is no {name!r} to try.{suggest(name, names)} There are: {', '.join(names)}.")
+    return found
 
 
 def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
