@@ -48,7 +48,9 @@ def _first(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
 
 def _second(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
     v = x[1]
-    return np.array([v, (u - 0.8 * v - 4.0 * x[0]) / 0.5 - e.get("coulomb", 0.0) * np.tanh(v / 1e-3) - e.get("quadratic", 0.0) * v * abs(v)])
+    return np.array(
+        [v, (u - 0.8 * v - 4.0 * x[0]) / 0.5 - e.get("coulomb", 0.0) * np.tanh(v / 1e-3) - e.get("quadratic", 0.0) * v * abs(v)]
+    )
 
 
 def _motor(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
@@ -128,7 +130,7 @@ a2 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 """,
         2, _tanks, lambda x: x[1], (4.0, 6.6), 4.0, 600, (1.0, 6.0), 25,
         {"dead_time": 12.0, "lag": 15.0, "dead_zone": 0.6, "saturation": 4.5, "backlash": 0.4, "sensor_lag": 15.0, "offset": 1.0,
-         "drift": 0.0006, "sensor_high": 14.0, "sensor_low": 3.0, "start": 5.0, "outliers": 0.02},
+         "drift": 0.0006, "sensor_high": 14.0, "sensor_low": 5.0, "start": 5.0, "outliers": 0.02},
         linear=False,
     ),
 }  # fmt: skip
@@ -260,14 +262,18 @@ def main() -> None:
         one = judged(plant, fault, noise, seed)
         results[fault].append(one)
         mark = "first" if one.first else "among three" if one.among else "MISSED"
-        print(f"{plant.name:7s} {fault:12s} noise {noise:<6g} seed {seed}: {mark:11s} {', '.join(one.found) or '-':40s} {one.seconds:.1f} s", flush=True)
+        print(
+            f"{plant.name:7s} {fault:12s} noise {noise:<6g} seed {seed}: {mark:11s} {', '.join(one.found) or '-':40s} {one.seconds:.1f} s",
+            flush=True,
+        )
     print("\n| fault | records | named first | among three |\n|---|---|---|---|")
     for fault, own in results.items():
         print(f"| {fault} | {len(own)} | {sum(o.first for o in own)} | {sum(o.among for o in own)} |")
     planted = [o for f, own in results.items() if f != CLEAN for o in own]
     clean = results.get(CLEAN, [])
     if planted:
-        print(f"\nnamed first {np.mean([o.first for o in planted]):.1%}, among three {np.mean([o.among for o in planted]):.1%} of {len(planted)}")
+        first, among = (float(np.mean([getattr(o, k) for o in planted])) for k in ("first", "among"))
+        print(f"\nnamed first {first:.1%}, among three {among:.1%} of {len(planted)}")
     if clean:
         print(f"clean records without a warning: {np.mean([o.first for o in clean]):.1%} of {len(clean)}")
 

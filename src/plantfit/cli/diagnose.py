@@ -72,7 +72,9 @@ class _said:
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
 
-def _written(study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: str | None) -> dict[str, Any]:
+def _written(
+    study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: str | None
+) -> dict[str, Any]:
     """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
     from plantfit.spec import parse, with_additions
     from plantfit.trust.diagnosis import change_of
@@ -155,12 +157,16 @@ def _middle(problem: Any) -> Any:
 def _table(record: Mapping[str, Any]) -> None:
     from rich.table import Table
 
+    from plantfit.trust.diagnosis.sentences import plain_unit
+
     first = record["rounds"][0]
-    table = Table("tried", "explains", "RMSE with it", "unseen", "value", box=None, title_justify="left")
+    table = Table(box=None)
+    for title in ("tried", "explains", "RMSE with it", "unseen", "value"):
+        table.add_column(title, no_wrap=True)
     for row in first["tried"][:SHOWN]:
         unseen = "" if row["unseen_rmse"] is None else f"{row['unseen_rmse']:.4g} to {row['unseen_rmse_with']:.4g}"
         mark = " *" if row["name"] in first["found"] else ""
-        value = "" if row["value"] is None else f"{row['value']:.3g} {row['unit'] or ''}"
+        value = "" if row["value"] is None else f"{row['value']:.3g} {plain_unit(row['unit'])}"
         table.add_row(row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value)
     out.print("")
     out.print(table)

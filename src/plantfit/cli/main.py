@@ -128,7 +128,8 @@ def diagnose(
     spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
     out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME-with-....toml if left out.")] = None,
     try_: Annotated[
-        str | None, typer.Option("--try", help='Try only this and write it, as in --try "dead time of u"; any other word lists what there is.')
+        str | None,
+        typer.Option("--try", help='Try only this and write it, as in --try "dead time of u"; any other word lists what there is.'),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
     json: Json = False,

@@ -76,9 +76,7 @@ def backlash(model: Model, u: str, bounds: Bounds, name: str) -> Model:
         inner = {} if own is None else own(*reads(x, c, p), p)
         return {**inner, **{state: 0.0 * x[state] for state in copies.values()}}
 
-    plays = (
-        Backlash(state, lambda x, c, p, channel=channel: c[channel], lambda x, c, p: p[name]) for channel, state in copies.items()
-    )
+    plays = (Backlash(state, lambda x, c, p, channel=channel: c[channel], lambda x, c, p: p[name]) for channel, state in copies.items())
     return rewired(
         model,
         reads,

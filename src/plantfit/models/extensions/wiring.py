@@ -48,7 +48,9 @@ def first_channels(model: Model, x: Named, u0: Named) -> dict[str, Any]:
     return {**u0, **late, "t": u0["t"]}
 
 
-def declared(model: Model, name: str, unit: str | None, bounds: tuple[float, float] | None, sentence: str, **more: Any) -> tuple[Declared, ...]:
+def declared(
+    model: Model, name: str, unit: str | None, bounds: tuple[float, float] | None, sentence: str, **more: Any
+) -> tuple[Declared, ...]:
     """The parameters of the model and one more."""
     return (*model.parameters, Declared(name, unit, bounds, sentence=sentence, **more))
 

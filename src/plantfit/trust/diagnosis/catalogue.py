@@ -122,7 +122,9 @@ def _of_states(problem: Problem, model: Model) -> Iterator[Extension]:
 
 
 def _joined(unit: str, end: str) -> str:
-    return f"{unit}{end}" if unit.isalpha() else f"({unit or '1'}){end}"
+    if end == "/s" and unit.endswith("/s") and unit.count("/") == 1:
+        return f"{unit}^2"
+    return f"{unit}{end}" if unit.replace("_", "a").isalpha() else f"({unit or '1'}){end}"
 
 
 def _of_outputs(problem: Problem, model: Model, rows: Rows) -> Iterator[Extension]:

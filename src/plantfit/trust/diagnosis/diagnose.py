@@ -1,7 +1,7 @@
 """What is missing in a model, by evidence: every addition of the catalogue is tried on the fitted problem, the best are fitted in full."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
 from plantfit.trust.diagnosis.hypothesis import Fitted, fitted
-from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen
+from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
 from plantfit.trust.diagnosis.outliers import outlying
 
 QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in full, additions that may be named one after the other
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
+WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
 STRONG = 3.0  # times the evidence that is needed: "very likely"
 
 
@@ -117,18 +118,50 @@ def diagnose(
     outliers = _outliers(base, apart, carrier)
     if apart.any():
         base = fitted(carrier, (), base.x, np.zeros(0), use)
-    extensions, made, count, blocks = catalogue(problem, rows), [], base.evaluations, False
+    extensions, made, count = catalogue(problem, rows), [], base.evaluations
     if only is not None:
         extensions, rounds = _only(extensions, only), 1
-    bare = base
+    bare, waiting = base, False
     for _ in range(rounds):
-        one, used, cut = _round(carrier, base, extensions, use, kept, say)
+        one, used = _round(carrier, base, extensions, use, kept, say)
+        count += used
+        if waiting:  # neither of two was enough alone; both are named where they are enough together
+            both = _together(carrier, bare, made[-1], one, use, kept)
+            if both is None:
+                break
+            made, one = [*made[:-1], both[0]], both[1]
         made.append(one)
-        count, blocks = count + used, blocks or cut
-        if not one.found or one.found[0].at is None:
+        best = one.trials[0] if one.trials else None
+        waiting = not one.found and not waiting and bare is base and best is not None and best.explained >= WORTH
+        following = one.found[0].at if one.found else best.at if waiting and best is not None else None
+        if following is None:
             break
-        base = one.found[0].at
-    return Diagnosis(carrier, bare, apart, tuple(made), outliers, count, blocks)
+        base = following
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, count, not validated(rows, kept))
+
+
+def _together(carrier: Carrier, bare: Fitted, first: Round, second: Round, use: np.ndarray, kept: np.ndarray) -> tuple[Round, Round] | None:
+    """Two rounds in which the best of either is found, where both together explain more than chance would of as many pairs."""
+    a, b = first.trials[0], second.trials[0] if second.trials else None
+    if b is None or a.at is None or b.at is None:
+        return None
+    pairs = len(first.trials) * len(second.trials)
+    if evidence(bare, b.at, carrier.rows, use) < needed(pairs, 2):
+        return None
+    own = [_judged(carrier, base, t, use, kept) for base, t in ((bare, a), (a.at, b))]
+    later = unseen(carrier, bare, b.at, use, kept)
+    if later.extended >= later.base or any(t.evidence < second.needed for t in own[1:]):
+        return None
+    return replace(first, found=(own[0],)), second if second.found else replace(second, found=(own[1],))
+
+
+def _judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with its figures on unseen data."""
+    assert t.at is not None
+    unit, later = _scale(carrier), unseen(carrier, base, t.at, use, kept)
+    roots = float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit
+    error = standard_error(carrier, t.at, t.extension, use)
+    return replace(t, unseen=1.0 - later.extended / later.base, unseen_rmse=roots, standard_error=error)
 
 
 def _only(extensions: Sequence[Extension], name: str) -> list[Extension]:
@@ -161,7 +194,7 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
     before, n = base.cost(use), int(use.sum())
     unit = _scale(carrier)
     root = lambda square: float(np.sqrt(square)) * unit  # noqa: E731
-    limit, trials, blocks = needed(len(left)), [], False
+    limit, trials = needed(len(left)), []
     for k, (e, one) in enumerate(tried):
         if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
             say(f"fitting with {e.name}")
@@ -176,17 +209,10 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
         rmse = root(before / n), root(one.cost(use) / n)
         told = evidence(base, one, carrier.rows, use)
         if k < FINALISTS and explained >= LEAST and told >= limit:
-            later = unseen(carrier, base, one, use, kept)
-            blocks = later.blocks
-            judged.append(
-                Trial(
-                    e, explained, told, rmse, 1.0 - later.extended / later.base, (root(later.base), root(later.extended)),
-                    one.value(e, carrier), standard_error(carrier, one, e, use), one,
-                )
-            )  # fmt: skip
+            judged.append(_judged(carrier, base, Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one), use, kept))
         else:
             judged.append(Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one))
-    return Round(base.additions, tuple(judged), _found(carrier, judged, extensions, use), limit), count, blocks
+    return Round(base.additions, tuple(judged), _found(carrier, judged, extensions, use), limit), count
 
 
 def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:

@@ -113,9 +113,7 @@ def _behind(carrier: Carrier, a: Extension, k: int, v: float, predicted: np.ndar
     return predicted, jacobian
 
 
-def fitted(
-    carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30
-) -> Fitted:
+def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30) -> Fitted:
     """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps."""
     additions, theta, x = tuple(additions), np.array(theta, dtype=float), np.array(x, dtype=float)
     free, n = columns(carrier, additions), len(carrier.names)

@@ -18,6 +18,7 @@ from plantfit.trust.diagnosis.hypothesis import Fitted, columns, fitted
 
 CHANCE = 0.01  # that anything is named where nothing is missing
 LEAST = 0.01  # of the mean square: less is not worth a change of the model
+FEWEST = 10  # samples of a part that is unseen
 BLOCKS, REFITS = 5, 6  # left out in turn where no part of the data is unseen, and steps of each refit
 
 
@@ -52,9 +53,14 @@ def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> flo
     return float(np.sum(use)) / independent_share(extended.residuals, rows, use) * np.log(before / after)
 
 
-def needed(tried: int) -> float:
-    """The evidence that chance exceeds in 1 % of the records without a fault, of so many additions."""
-    return float(special.chdtri(1.0, CHANCE / max(tried, 1)))
+def needed(tried: int, freedom: int = 1) -> float:
+    """The evidence that chance exceeds in 1 % of the records without a fault, of so many additions of `freedom` parameters."""
+    return float(special.chdtri(float(freedom), CHANCE / max(tried, 1)))
+
+
+def validated(rows: Rows, kept: np.ndarray) -> bool:
+    """Whether the study keeps a part unseen that is worth a comparison."""
+    return bool(np.sum(rows.unseen & kept) >= FEWEST)
 
 
 def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray) -> Unseen:
@@ -63,7 +69,7 @@ def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, ke
     `use` are the fitted rows, `kept` those that no outlier takes away.
     """
     later = carrier.rows.unseen & kept
-    if np.sum(later) >= 10:
+    if validated(carrier.rows, kept):
         return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
     sums = np.zeros(2)
     for block in _blocks(carrier.rows, use):

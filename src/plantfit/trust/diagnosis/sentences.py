@@ -140,8 +140,8 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
             times = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300)))
             yield say(
                 "warning",
-                f"Of {output} {number(times)} times its sample-to-sample noise is left: something is missing that is not among what was "
-                "tried.",
+                f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
+                "doubt: something else is missing, or the record is too short to tell.",
                 times=times,
             )
 
@@ -157,8 +157,13 @@ def _phrase(t: Trial) -> str:
 
 def _value(t: Trial) -> str:
     e: Extension = t.extension
-    row = {"name": "x", "value": t.value, "standard_error": t.standard_error, "unit": e.unit if e.unit != "1" else ""}
+    row = {"name": "x", "value": t.value, "standard_error": t.standard_error, "unit": plain_unit(e.unit)}
     return estimate(row).removeprefix("x = ") if t.value is not None else "unknown size"
+
+
+def plain_unit(unit: str | None) -> str:
+    """A unit as a sentence has it: differences of temperatures in K."""
+    return "" if unit in (None, "1") else unit.replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
 
 
 def _percent(share: float) -> str:
