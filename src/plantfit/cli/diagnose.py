@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.check import say_looks
 from plantfit.cli.file_names import file_name
 from plantfit.cli.out import out, print_json, progress_line, verdict
 from plantfit.errors import SpecError
@@ -26,6 +27,7 @@ def diagnose(path: str, place: str | None, only: str | None, force: bool, json: 
     from plantfit.fitting import fit
     from plantfit.trust.diagnosis import diagnose as tried
     from plantfit.trust.diagnosis import diagnosis_record
+    from plantfit.trust.looks import problem_looks
 
     search = study.plan
     with progress_line(json) as tell:
@@ -35,10 +37,12 @@ def diagnose(path: str, place: str | None, only: str | None, force: bool, json: 
         )  # fmt: skip
     with _said(json) as say:
         found = tried(answer.problem, answer.best.x, progress=say, only=only)
-    record = diagnosis_record(found)
+    looks = [look.record for look in problem_looks(answer.problem)]
+    record = {**diagnosis_record(found), "data": looks}
     written = _written(study, found, record, place, force, only)
     if json:
         return print_json({**record, **written})
+    say_looks(looks)
     verdict(record)
     _table(record)
     if not written:
