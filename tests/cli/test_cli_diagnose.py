@@ -25,8 +25,7 @@ def test_a_missing_dead_time_is_named_and_written(tmp_path, capsys, monkeypatch)
     made = tmp_path / "heater-with-dead-time-of-u.toml"
     assert str(made.name) in said.out
     problem = load(made).problem
-    place = problem.space.names.index("dead_time_u")
-    assert problem.space.upper[place] > 3.4
+    assert problem.space.upper[problem.space.names.index("dead_time_u")] > 3.4
     again = call(capsys, monkeypatch, "diagnose", place)
     assert again.code == 7
     assert "exists already" in again.err
