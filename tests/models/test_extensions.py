@@ -13,7 +13,7 @@ from benchmarks.diagnosis import PLANTS, STARTED, write
 
 from plantfit.errors import ModelError, PlantfitError
 from plantfit.models.extensions import KINDS, parameter_name, with_extensions
-from plantfit.models.library import make
+from plantfit.models.process import first_order
 from plantfit.spec import load
 
 TRUTH = {
@@ -71,7 +71,7 @@ def test_derivatives_by_additions_are_exact(tmp_path):
 
 def test_a_library_model_takes_additions_and_can_be_pickled():
     given = {"dead_zone": {"u": (0, 1)}, "sensor_lag": {"y": (0.01, 1)}}
-    model = with_extensions(make("first_order", dead_time=False), given)
+    model = with_extensions(first_order(dead_time=False), given)
     assert [p.name for p in model.parameters][-2:] == ["dead_zone_u", "sensor_lag_y"]
     again = pickle.loads(pickle.dumps(model))
     assert again.states == model.states
@@ -89,7 +89,7 @@ def test_a_library_model_takes_additions_and_can_be_pickled():
 )
 def test_what_cannot_be_added_is_said(given, said):
     with pytest.raises(ModelError, match=said):
-        with_extensions(make("first_order"), given)
+        with_extensions(first_order(), given)
 
 
 def test_a_regression_takes_none(tmp_path):

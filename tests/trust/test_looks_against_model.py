@@ -20,7 +20,7 @@ def record(period=0.05, start=0.0, rest=40, n=600):
     return Recording(np.arange(n) * period, {"u": Signal(u), "y": Signal(y)}, "a")
 
 
-def looks(recording, initial=0.0, tau=(0.02, 2.0)):
+def looks(recording, initial: float | str = 0.0, tau=(0.02, 2.0)):
     model = equations(
         "x' = (K*u - x)/tau; y = x",
         inputs=["u"], states={"x": {"initial": initial}}, outputs=["y"],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from plantfit.spec.study import Study
     from plantfit.trust.diagnosis import Diagnosis, Trial
 
-SHOWN = 12  # rows of the table of what did not help
+SHOWN, WIDTH = 12, 120  # rows and characters of the table of what did not help
 
 
 def diagnose(path: str, place: str | None, only: str | None, force: bool, json: bool) -> None:
@@ -127,7 +127,8 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
     from plantfit.problem.steps import choose_substeps
     from plantfit.trust.refit import refit
 
-    problem, known = choose_substeps(study.problem), found.answer_values()
+    scales = found.carrier.given.scales  # of several outputs those that the fit estimated, or figures could not be compared
+    problem, known = choose_substeps(study.problem).with_scales(scales), found.answer_values()
     values = np.array([known.get(n, c) for n, c in zip(problem.space.names, _middle(problem), strict=True)])
     start = np.clip(np.asarray(problem.space.cube(values)), 0.0, 1.0)
     z, _ = refit(problem, start, np.ones(len(start), dtype=bool))
@@ -173,7 +174,7 @@ def _table(record: Mapping[str, Any]) -> None:
         value = "" if row["value"] is None else f"{row['value']:.3g} {plain_unit(row['unit'])}"
         table.add_row(row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value)
     out.print("")
-    out.print(table)
+    out.print(table, width=WIDTH)
     more = len(first["tried"]) - SHOWN
     if more > 0:
         out.print(f"and {more} more that explain less", markup=False)
