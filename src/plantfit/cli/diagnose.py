@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from plantfit.spec.study import Study
     from plantfit.trust.diagnosis import Diagnosis, Trial
 
-SHOWN, WIDTH = 12, 120  # rows and characters of the table of what did not help
+SHOWN = 12  # rows of the table of what was tried
 
 
 def diagnose(path: str, place: str | None, only: str | None, force: bool, json: bool) -> None:
@@ -160,21 +160,20 @@ def _middle(problem: Any) -> Any:
 
 
 def _table(record: Mapping[str, Any]) -> None:
-    from rich.table import Table
-
+    """What was tried in the first round, the best first; a star marks what was found."""
     from plantfit.trust.diagnosis.sentences import plain_unit
 
     first = record["rounds"][0]
-    table = Table(box=None)
-    for title in ("tried", "explains", "RMSE with it", "unseen", "value"):
-        table.add_column(title, no_wrap=True)
+    rows = [("tried", "explains", "RMSE with it", "unseen", "value")]
     for row in first["tried"][:SHOWN]:
         unseen = "" if row["unseen_rmse"] is None else f"{row['unseen_rmse']:.4g} to {row['unseen_rmse_with']:.4g}"
         mark = " *" if row["name"] in first["found"] else ""
         value = "" if row["value"] is None else f"{row['value']:.3g} {plain_unit(row['unit'])}"
-        table.add_row(row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value)
+        rows.append((row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     out.print("")
-    out.print(table, width=WIDTH)
+    for cells in rows:
+        out.print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)).rstrip(), markup=False)
     more = len(first["tried"]) - SHOWN
     if more > 0:
         out.print(f"and {more} more that explain less", markup=False)

@@ -101,7 +101,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
 
 def _figures(d: Diagnosis, t: Trial) -> str:
     unit = _unit(d)
-    text = f"RMSE {number(t.rmse[0])} to {with_unit(t.rmse[1], unit)}"
+    scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
+    text = f"{scaled}RMSE {number(t.rmse[0])} to {with_unit(t.rmse[1], unit)}"
     if t.unseen_rmse is None:
         return text
     where = "blocks left out" if d.unseen_blocks else "unseen data"
