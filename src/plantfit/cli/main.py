@@ -124,6 +124,23 @@ def run(
 
 
 @app.command()
+def diagnose(
+    spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
+    out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME-with-....toml if left out.")] = None,
+    try_: Annotated[
+        str | None,
+        typer.Option("--try", help='Try only this and write it, as in --try "dead time of u"; any other word lists what there is.'),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
+    json: Json = False,
+) -> None:
+    """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
+    from plantfit.cli.commands import diagnose as command
+
+    command.diagnose(spec, out, try_, force, json)
+
+
+@app.command()
 def resume(
     study: Annotated[
         list[int] | None, typer.Argument(help="Numbers of studies in `plantfit list`; the newest unfinished if left out.")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from plantfit.spec.recordings import CLEANING, read_recording, recording_file
     from plantfit.spec.study import Study, model_of
     from plantfit.spec.tables import SpecTable, validated
+    from plantfit.spec.with_additions import with_additions
 
 __all__ = [
     "CLEANING",
@@ -23,6 +24,7 @@ __all__ = [
     "read_recording",
     "recording_file",
     "validated",
+    "with_additions",
 ]
 
 names_of(
@@ -33,5 +35,6 @@ names_of(
         "recordings": "CLEANING read_recording recording_file",
         "study": "Study model_of",
         "tables": "SpecTable validated",
+        "with_additions": "with_additions",
     },
 )

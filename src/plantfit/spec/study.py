@@ -8,6 +8,7 @@ from pathlib import Path
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
 from plantfit.models import equations
+from plantfit.models.extensions import parameter_name, with_extensions
 from plantfit.models.library import catalogue as library
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
@@ -90,7 +91,12 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
     if (m.kind is None) == (m.equations is None):
         raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')
     with _naming(f"{path.name}, [model]"):
-        return library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
+        model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
+        if not m.extensions:
+            return model
+        if not isinstance(model, Model):
+            raise SpecError(f"extensions are for models that are simulated, and {model.name!r} is a regression; leave them out.")
+        return with_extensions(model, m.extensions)
 
 
 @contextmanager
@@ -109,11 +115,13 @@ def _naming(place: str) -> Iterator[None]:
 
 def _from_text(table: SpecTable) -> Model:
     m = table.model
+    added = {shift_name(s) for s in m.clock_shift} | {f"creep_{s}" for s in m.extensions.get("coulomb", {})}
+    added |= {parameter_name(kind, s) for kind, own in m.extensions.items() for s in own}
     states = {n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()}
     parameters = {
         n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}
         for n, p in table.parameters.items()
-        if n not in {shift_name(s) for s in m.clock_shift}
+        if n not in added
     }
     return equations(
         m.equations or "",

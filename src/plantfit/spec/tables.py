@@ -96,6 +96,7 @@ class ModelTable(_Table):
     tables: dict[str, TableTable] = {}
     hold: dict[str, Literal["previous", "linear"]] = {}
     clock_shift: dict[str, Pair] = {}
+    extensions: dict[str, dict[str, Pair]] = {}
     filter_alike: AlikeTable | None = None
     check_units: bool = True
 

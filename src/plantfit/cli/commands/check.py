@@ -24,7 +24,9 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
     problem = steps_for(problem, z)
-    record = {**_understood(study, problem), **_simulated(problem, z)}
+    from plantfit.trust.looks import problem_looks
+
+    record = {**_understood(study, problem), "data": [look.record for look in problem_looks(problem)], **_simulated(problem, z)}
     if study.errors:
         from plantfit.trust.stated_errors.reading_budgets import reading_budgets
 
@@ -39,6 +41,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         return print_json(record)
     _say_understood(problem, record)
     _say_simulated(problem, record, at, tolerance)
+    say_looks(record["data"])
     out.print(f"ready: plantfit run {spec}", markup=False)
 
 
@@ -67,6 +70,14 @@ def _understood(study: Any, problem: Any) -> dict[str, Any]:
         "weights": weight_rows(problem),
         "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
     }
+
+
+def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
+    """What is odd about the data, with the line that treats it."""
+    for look in looks:
+        mark, colour = ("!", "yellow") if look["level"] == "warning" else ("i", "cyan")
+        out.print(f"[{colour}]{mark}[/{colour}] ", end="")
+        out.print(look["sentence"] + (f" Write: {look['write']}" if look["write"] else ""), markup=False)
 
 
 def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:

@@ -1,0 +1,182 @@
+"""`plantfit diagnose`: what is missing in a model, by evidence, and the study file with it."""
+
+import re
+import shlex
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plantfit.cli.arguments.file_names import file_name
+from plantfit.cli.commands.check import say_looks
+from plantfit.cli.terminal.out import out, print_json, progress_line, verdict
+from plantfit.errors import SpecError
+
+if TYPE_CHECKING:
+    from plantfit.spec.study import Study
+    from plantfit.trust.diagnosis import Diagnosis, Trial
+
+SHOWN = 12  # rows of the table of what was tried
+
+
+def diagnose(path: str, place: str | None, only: str | None, force: bool, json: bool) -> None:
+    """Fit, diagnose, say it, write the changed study file and fit that one from there."""
+    from plantfit import spec
+
+    study = spec.load(path)
+    from plantfit.fitting import fit
+    from plantfit.trust.diagnosis import diagnose as tried
+    from plantfit.trust.diagnosis import diagnosis_record
+    from plantfit.trust.looks import problem_looks
+
+    search = study.plan
+    with progress_line(json) as tell:
+        answer = fit(
+            study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
+            settings=search.settings.get(search.methods[0]), progress=tell,
+        )  # fmt: skip
+    with _said(json) as say:
+        found = tried(answer.problem, answer.best.x, progress=say, only=only)
+    looks = [look.record for look in problem_looks(answer.problem)]
+    record = {**diagnosis_record(found), "data": looks}
+    written = _written(study, found, record, place, force, only)
+    if json:
+        return print_json({**record, **written})
+    say_looks(looks)
+    verdict(record)
+    _table(record)
+    if not written:
+        return
+    out.print("\nWhat to write into the study file:\n", markup=False)
+    for line in record["write"]:
+        out.print(f"    {line}", markup=False)
+    for name, step in written["clean"].items():
+        out.print(f"    [recording.{name}]\n    clean = {step}", markup=False)
+    if "rmse" in written:
+        unseen = "" if written["unseen_rmse"] is None else f", {written['unseen_rmse']:.4g} on unseen data"
+        values = ", ".join(f"{n} = {v:.4g}" for n, v in written["values"].items())
+        out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{unseen}; {values}", markup=False)
+    out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
+
+
+class _said:
+    """A callback that shows what is being tried on a terminal, in one line that goes away."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.on = not quiet and sys.stderr.isatty()
+
+    def __enter__(self) -> Callable[[str], None] | None:
+        return self._tell if self.on else None
+
+    def __exit__(self, *_: object) -> None:
+        if self.on:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    def _tell(self, text: str) -> None:
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+
+def _written(
+    study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: str | None
+) -> dict[str, Any]:
+    """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
+    from plantfit.spec import parse, with_additions
+    from plantfit.trust.diagnosis import change_of
+    from plantfit.trust.diagnosis.treatment import addition_lines
+
+    trials = found.found if only is None else found.rounds[0].trials
+    clean = _steps(found)
+    if not trials and not clean:
+        return {}
+    changes = [change_of(found, t) for t in trials]
+    record["write"] = addition_lines(changes)
+    target = Path(place) if place else study.path.with_name(_name(study.name, trials, bool(clean)))
+    if target.exists() and not force:
+        raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
+    text = with_additions(study.text, study.path, changes, clean)
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SpecError(f"{str(target)!r} cannot be written ({error.strerror}); give another place with --out.") from None
+    if target.is_absolute() and target.is_relative_to(Path.cwd()):
+        target = target.relative_to(Path.cwd())
+    return {"file": str(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
+
+
+def _steps(found: "Diagnosis") -> dict[str, list[dict[str, Any]]]:
+    """Cleaning steps by recording, where outliers are named."""
+    if not found.outliers.named:
+        return {}
+    rows, steps = found.carrier.rows, {}
+    for name in found.carrier.given.experiments:
+        signals = [o for o in found.carrier.given.outputs if found.apart[rows.part(name, o)].any()]
+        if signals:
+            steps[name] = [{"step": "drop_outliers", "signal": o, "window": 11, "threshold": 6.0} for o in signals]
+    return steps
+
+
+def _name(name: str, trials: "tuple[Trial, ...]", clean: bool) -> str:
+    parts = [re.sub(r"\W+", "-", t.extension.name) for t in trials] + (["outliers-dropped"] if clean else [])
+    return f"{Path(file_name(name, 'toml')).stem}-with-{'-and-'.join(parts)}.toml"
+
+
+def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
+    """The changed study fitted from what the diagnosis found: RMSE of its fitted and unseen samples and the new parameters."""
+    import numpy as np
+
+    from plantfit.problem.accuracy.steps import choose_substeps
+    from plantfit.trust.finish.refit import refit
+
+    scales = found.carrier.given.scales  # of several outputs those that the fit estimated, or figures could not be compared
+    problem, known = choose_substeps(study.problem).with_scales(scales), found.answer_values()
+    values = np.array([known.get(n, c) for n, c in zip(problem.space.names, _middle(problem), strict=True)])
+    start = np.clip(np.asarray(problem.space.cube(values)), 0.0, 1.0)
+    z, _ = refit(problem, start, np.ones(len(start), dtype=bool))
+    at = np.asarray(problem.space.physical(z))
+    squares: dict[str, list[np.ndarray]] = {"fit": [], "validation": []}
+    one = len(problem.outputs) == 1
+    for name, e in problem.experiments.items():
+        predicted = problem.predict(at, name)
+        for o in problem.outputs:
+            error = (predicted[o] - e.recording[o]) / (1.0 if one else problem.scales[o])
+            for part, own in squares.items():
+                own.append(error[e.mask(part) & np.isfinite(error)] ** 2)
+    rmse = {part: float(np.sqrt(np.mean(np.concatenate(own)))) if sum(map(len, own)) else None for part, own in squares.items()}
+    old = set(found.carrier.given.space.names)
+    new = {n: float(v) for n, v in zip(problem.space.names, at, strict=True) if n not in old}
+    return {"rmse": rmse["fit"], "unseen_rmse": rmse["validation"], "values": new}
+
+
+def _middle(problem: Any) -> Any:
+    """Starts of the parameters where given, else the middle of their bounds (d,)."""
+    import numpy as np
+
+    middle = np.array(problem.space.physical(np.full(problem.space.dimension, 0.5)))
+    for i, c in enumerate(problem.space.coordinates):
+        start = problem.space.parameters[c.parameter].start
+        if start is not None and np.ndim(start) == 0:
+            middle[i] = float(start)
+    return middle
+
+
+def _table(record: Mapping[str, Any]) -> None:
+    """What was tried in the first round, the best first; a star marks what was found."""
+    from plantfit.trust.diagnosis.sentences import plain_unit
+
+    first = record["rounds"][0]
+    rows = [("tried", "explains", "RMSE with it", "unseen", "value")]
+    for row in first["tried"][:SHOWN]:
+        unseen = "" if row["unseen_rmse"] is None else f"{row['unseen_rmse']:.4g} to {row['unseen_rmse_with']:.4g}"
+        mark = " *" if row["name"] in first["found"] else ""
+        value = "" if row["value"] is None else f"{row['value']:.3g} {plain_unit(row['unit'])}"
+        rows.append((row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    out.print("")
+    for cells in rows:
+        out.print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)).rstrip(), markup=False)
+    more = len(first["tried"]) - SHOWN
+    if more > 0:
+        out.print(f"and {more} more that explain less", markup=False)
+
+
+__all__ = ["diagnose"]

@@ -1,0 +1,54 @@
+"""What may act on a state: dry friction, a drag that grows with the square, another initial value."""
+
+from typing import Any
+
+from plantfit import units
+from plantfit.models.extensions.wiring import declared, per, rewired
+from plantfit.models.model import Declared, Model, Named
+
+import jax.numpy as jnp
+
+Bounds = tuple[float, float]
+
+
+def coulomb(model: Model, v: str, bounds: Bounds, name: str) -> Model:
+    """v' less F tanh(v / v0): dry friction over inertia. v0, the speed from which on it is whole, is the parameter creep_NAME."""
+    scale = f"creep_{v}"
+    made = _braked(model, v, lambda x, p: p[name] * jnp.tanh(x[v] / p[scale]))
+    own = Declared(scale, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole")
+    return rewired(
+        made,
+        lambda x, c, p: (x, c),
+        parameters=(*declared(model, name, per(model.states[v], "/s"), bounds, f"dry friction of {v} over inertia"), own),
+    )
+
+
+def quadratic(model: Model, v: str, bounds: Bounds, name: str) -> Model:
+    """v' less c v |v|: the drag of air or a fluid over inertia."""
+    unit = None if model.states[v] is None else f"1/s/({model.states[v] or '1'})"
+    made = _braked(model, v, lambda x, p: p[name] * x[v] * jnp.abs(x[v]))
+    return rewired(made, lambda x, c, p: (x, c), parameters=declared(model, name, unit, bounds, f"drag of {v} by its square, over inertia"))
+
+
+def start(model: Model, x: str, bounds: Bounds, name: str) -> Model:
+    """x begins above its initial value by a free amount."""
+    begin = model.initial_state
+
+    def initial_state(p: Named, u0: Named, y0: Named) -> Named:
+        own = dict(begin(p, u0, y0)) if begin is not None else {s: 0.0 * p[name] for s in model.states}
+        return {**own, x: own[x] + p[name]}
+
+    unit = units.difference_of(model.states[x])
+    sentence = f"by how much {x} begins above its initial value"
+    return rewired(model, lambda s, c, p: (s, c), initial_state=initial_state, parameters=declared(model, name, unit, bounds, sentence))
+
+
+def _braked(model: Model, v: str, force: Any) -> Model:
+    rate = model.derivative
+    assert rate is not None
+
+    def derivative(x: Named, c: Named, p: Named) -> Named:
+        own = rate(x, c, p)
+        return {**own, v: own[v] - force(x, p)}
+
+    return rewired(model, lambda x, c, p: (x, c), derivative=derivative)

@@ -1,0 +1,65 @@
+"""How an addition gets into a model: every function that reads a channel or a state reads something else in its place."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from plantfit.models.model import Declared, Model, Named
+
+Reads = Callable[[Named, Named, Named], tuple[Named, Named]]
+
+
+def rewired(model: Model, reads: Reads, **changes: Any) -> Model:
+    """The model whose functions see what `reads(x, u, p)` makes of states and channels; `changes` are other fields of it."""
+
+    def seen(function: Any) -> Any:
+        if function is None:
+            return None
+
+        def call(x: Named, u: Named, p: Named) -> Any:
+            return function(*reads(x, u, p), p)
+
+        return call
+
+    return replace(
+        model,
+        derivative=changes.pop("derivative", None) or seen(model.derivative),
+        output=changes.pop("output", None) or seen(model.output),
+        events=tuple(replace(e, when=seen(e.when), then=seen(e.then)) for e in model.events),
+        frictions=tuple(
+            replace(f, sliding=seen(f.sliding), breakaway=seen(f.breakaway), effect=seen(f.effect)) for f in model.frictions
+        ),
+        backlashes=(
+            *(replace(b, drive=seen(b.drive), gap=seen(b.gap)) for b in model.backlashes),
+            *changes.pop("backlashes", ()),
+        ),
+        **changes,
+    )  # fmt: skip
+
+
+def channels_of(model: Model, name: str) -> tuple[str, ...]:
+    """The input and its late copies."""
+    return (name, *(d.channel for d in model.delays if d.input == name))
+
+
+def first_channels(model: Model, x: Named, u0: Named) -> dict[str, Any]:
+    """All channels where the states begin: late copies have the first values."""
+    late = {d.channel: u0[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
+    return {**u0, **late, "t": u0["t"]}
+
+
+def declared(
+    model: Model, name: str, unit: str | None, bounds: tuple[float, float] | None, sentence: str, **more: Any
+) -> tuple[Declared, ...]:
+    """The parameters of the model and one more."""
+    return (*model.parameters, Declared(name, unit, bounds, sentence=sentence, **more))
+
+
+def per(unit: str | None, text: str) -> str | None:
+    """A unit divided by seconds or the like; None where it is not known."""
+    return None if unit is None else f"({unit or '1'}){text}"
+
+
+def without(values: Named, names: Mapping[str, Any] | tuple[str, ...]) -> dict[str, Any]:
+    """Values but those of these names."""
+    return {n: v for n, v in values.items() if n not in names}

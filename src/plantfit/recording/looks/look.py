@@ -1,0 +1,25 @@
+"""What a look at the data says."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Look:
+    """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s); `write` is the line of
+    the study file that treats it, "" where there is none. `level` "info" or "warning"."""
+
+    kind: str
+    level: str
+    recording: str
+    signal: str | None
+    sentence: str
+    begin: float
+    end: float
+    write: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """As JSON types."""
+        return asdict(self)

@@ -1,0 +1,148 @@
+"""Looks at one signal: constant, clipped, quantised, stuck, with spikes; and at an input that follows an output."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import special
+
+from plantfit.recording.looks.look import Look
+from plantfit.recording.record import Recording
+
+_TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
+PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
+STUCK = 20  # equal samples
+SPIKE = 10.0  # robust deviations
+LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
+LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
+
+
+def signal_looks(recording: Recording, name: str, measured: bool) -> Iterator[Look]:
+    """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen by anyone."""
+    t, y = recording.t, recording[name]
+    good = np.isfinite(y)
+    missing = len(y) - int(good.sum())
+    unit = f" {recording.signals[name].unit}" if recording.signals[name].unit not in (None, "", "1") else ""
+    if good.sum() < 10:
+        return
+    values, times = y[good], t[good]
+    low, high = float(values.min()), float(values.max())
+    every = (float(t[0]), float(t[-1]))
+    if high == low:
+        what = "nothing that depends on it can be told" if not measured else "there is nothing to fit"
+        yield Look(
+            "constant", "warning", recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, and {what}.", *every,
+            figures={"value": low},
+        )  # fmt: skip
+        return
+    if missing and measured and (longest := _longest(~good)) >= STUCK:
+        begin = _begin_of_longest(~good)
+        yield Look(
+            "missing", "info", recording.name, name, f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
+            float(t[begin]), float(t[begin + longest - 1]), figures={"samples": longest},
+        )  # fmt: skip
+    if not measured:
+        return
+    runs, begins = _runs(values)
+    usual = float(np.quantile(runs, 0.9))
+    clipped = set()
+    for end, value in (("upper", high), ("lower", low)):
+        at = (values[begins] == value) & (runs >= max(PLATEAU, PLATEAU * usual)) & (begins > 0)
+        if np.any(at):
+            clipped.add(value)
+            count, first = int(runs[at].sum()), int(begins[at][0])
+            kind = "sensor_high" if end == "upper" else "sensor_low"
+            yield Look(
+                "clipped", "warning", recording.name, name,
+                f"{count} samples of {name} lie exactly at its {end} end {value:.4g}{unit}, first for {int(runs[at][0])} in a row at "
+                f"t = {times[first]:.4g} s: the sensor may end there.",
+                float(times[first]), float(times[min(begins[at][-1] + runs[at][-1], len(times)) - 1]),
+                f"extensions = {{ {kind} = {{ {name} = [{value - 0.01 * (high - low):.6g}, {value + 0.01 * (high - low):.6g}] }} }}",
+                {"samples": count, "value": value},
+            )  # fmt: skip
+    stuck = [
+        (n, b) for n, b in zip(runs, begins, strict=True) if n >= max(STUCK, 2 * PLATEAU * usual) and values[b] not in clipped and b > 0
+    ]
+    if stuck:
+        longest, begin = max(stuck)
+        yield Look(
+            "stuck", "warning", recording.name, name,
+            f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a row from t = {times[begin]:.4g} s on: the sensor may have "
+            "been stuck.",
+            float(times[begin]), float(times[begin + longest - 1]), figures={"samples": float(longest)},
+        )  # fmt: skip
+    levels = np.unique(values)
+    if len(levels) <= LEVELS * len(values) and (step := float(np.min(np.diff(levels)))) > COARSE * (high - low):
+        yield Look(
+            "quantised", "info", recording.name, name, f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
+            f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
+        )  # fmt: skip
+    yield from _spikes(recording, name, values, times, unit)
+
+
+def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarray, unit: str) -> Iterator[Look]:
+    away = values[1:-1] - 0.5 * (values[:-2] + values[2:])
+    width = min(51, len(away) // 2 * 2 - 1)
+    padded = np.pad(np.abs(away), width // 2, mode="reflect")
+    local = _TO_SD * np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    scale = np.maximum(local, max(_TO_SD * float(np.median(np.abs(away))), 1e-3 * float(np.ptp(values))))
+    # neighbours on both sides agree: no step, and no sharp corner either
+    alone = (np.abs(away) > SPIKE * scale) & (np.abs(values[2:] - values[:-2]) < 0.5 * np.abs(away))
+    moves = np.abs(np.diff(np.pad(values, 1, mode="edge")))
+    alone &= np.minimum(moves[1:-2], moves[2:-1]) > 2.0 * np.maximum(moves[:-3], moves[3:])
+    if not np.any(alone) or np.mean(alone) > 0.1:
+        return
+    at = np.flatnonzero(alone) + 1
+    worst = at[np.argmax(np.abs(away[at - 1]))]
+    yield Look(
+        "spikes", "warning", recording.name, name,
+        f"{len(at)} samples of {name} stand alone, more than {SPIKE:g} robust deviations from both neighbours; the largest by "
+        f"{abs(away[worst - 1]):.3g}{unit} at t = {times[worst]:.4g} s.",
+        float(times[at[0]]), float(times[at[-1]]),
+        f'clean = [{{ step = "drop_outliers", signal = "{name}", window = 11, threshold = 6.0 }}]',
+        {"samples": len(at), "largest": float(abs(away[worst - 1]))},
+    )  # fmt: skip
+
+
+def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
+    """Whether past values of y tell of u what past values of u do not: the input was computed from the output.
+
+    Granger, Econometrica 37 (1969) 424, by an F test of 5 lags; None where it is not so.
+    """
+    a, b = recording[u], recording[y]
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < 20 * LAGS or not good.all() or np.ptp(a) == 0 or np.ptp(b) == 0:
+        return None
+    n = len(a) - LAGS
+    own = np.column_stack([np.ones(n), *(a[LAGS - k : len(a) - k] for k in range(1, LAGS + 1))])
+    both = np.column_stack([own, *(b[LAGS - k : len(b) - k] for k in range(1, LAGS + 1))])
+    left = [float(np.sum((a[LAGS:] - m @ np.linalg.lstsq(m, a[LAGS:], rcond=1e-12)[0]) ** 2)) for m in (own, both)]
+    if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0:
+        return None
+    share = 1.0 - left[1] / left[0]
+    f = share / max(1.0 - share, 1e-300) * (n - both.shape[1]) / LAGS
+    chance = float(special.fdtrc(LAGS, n - both.shape[1], f))
+    if chance > SURE or share < SHARE:
+        return None
+    return Look(
+        "feedback", "warning", recording.name, u,
+        f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} seems to be computed from {y} (closed loop), where "
+        "noise reaches the input and pulls the parameters. See docs/closed-loop.md, or estimate with a Kalman filter.",
+        float(recording.t[0]), float(recording.t[-1]), figures={"share": share, "chance": chance},
+    )  # fmt: skip
+
+
+def _runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lengths of runs of equal values, and where they begin."""
+    begins = np.r_[0, np.flatnonzero(np.diff(values) != 0) + 1]
+    return np.diff(np.r_[begins, len(values)]), begins
+
+
+def _longest(there: np.ndarray) -> int:
+    runs, begins = _runs(there.astype(int))
+    return int(np.max(runs[there[begins]], initial=0))
+
+
+def _begin_of_longest(there: np.ndarray) -> int:
+    runs, begins = _runs(there.astype(int))
+    own = np.where(there[begins], runs, 0)
+    return int(begins[np.argmax(own)])

@@ -1,0 +1,50 @@
+"""A study file with additions to its model: [model.extensions], their parameters, and cleaning steps; all else stays as it was written."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from plantfit.errors import SpecError
+from plantfit.spec.reading import parse
+from plantfit.trust.diagnosis.treatment import Change
+
+
+def with_additions(text: str, path: Path, changes: Sequence[Change], clean: Mapping[str, Sequence[Mapping[str, Any]]] | None = None) -> str:
+    """The text of a study file with `changes`, and steps added to `clean` of recordings by name.
+
+    Raises SpecError where the new file could not be read.
+    """
+    document = tomlkit.parse(text.removeprefix("\ufeff"))
+    for name, steps in (clean or {}).items():
+        own = document["recording"][name]  # type: ignore[index]
+        own["clean"] = [*own.get("clean", []), *map(dict, steps)]  # type: ignore[index,union-attr]
+    model: Any = document["model"]
+    extensions = model.get("extensions")
+    if changes and extensions is None:
+        model["extensions"] = extensions = tomlkit.table()
+    parameters: Any = document.setdefault("parameters", tomlkit.table())
+    for c in changes:
+        if c.kind not in extensions:
+            extensions[c.kind] = tomlkit.inline_table()
+        extensions[c.kind][c.signal] = [_plain(b) for b in c.bounds]
+        own = tomlkit.table()
+        own["start"] = _plain(c.start)
+        if c.per_recording:
+            own["per_recording"] = True
+        parameters[c.parameter] = own
+        if c.creep is not None:
+            parameters[f"creep_{c.signal}"] = {"value": _plain(c.creep)}
+    # TOML leaves out a newline behind the quotes, which tomlkit does not write
+    new = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
+    try:
+        parse(new, path)
+    except SpecError as error:
+        raise SpecError(f"{path.name} cannot be written with {', '.join(c.parameter for c in changes)}: {error}") from None
+    return new
+
+
+def _plain(value: float) -> float:
+    return float(f"{value:.6g}")

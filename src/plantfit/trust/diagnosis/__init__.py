@@ -1,0 +1,7 @@
+"""What is missing in a model: additions tried on the fitted problem, judged by unseen data."""
+
+from plantfit.trust.diagnosis.diagnose import Diagnosis, Trial, diagnose
+from plantfit.trust.diagnosis.sentences import diagnosis_record
+from plantfit.trust.diagnosis.treatment import Change, change_of, changed
+
+__all__ = ["Change", "Diagnosis", "Trial", "change_of", "changed", "diagnose", "diagnosis_record"]

@@ -1,0 +1,248 @@
+"""What is missing in a model, by evidence: every addition of the catalogue is tried on the fitted problem, the best are fitted in full."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import ModelError
+from plantfit.models.model import Model
+from plantfit.models.text.suggest import suggest
+from plantfit.problem.problem import Problem
+from plantfit.trust.diagnosis.carrier import Carrier
+from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
+from plantfit.trust.diagnosis.hypothesis import Fitted, fitted
+from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
+from plantfit.trust.diagnosis.outliers import outlying
+
+QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in full, additions that may be named one after the other
+ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
+PART = 0.02  # of what the better one explains: the same
+WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
+STRONG = 3.0  # times the evidence that is needed: "very likely"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One addition tried: `explained` and `unseen` are shares of the mean square that is left without it (of `unseen` None where it was
+    not fitted in full), `rmse` and `unseen_rmse` pairs (without, with), `value` its parameter with a standard error."""
+
+    extension: Extension
+    explained: float
+    evidence: float
+    rmse: tuple[float, float]
+    unseen: float | None = None
+    unseen_rmse: tuple[float, float] | None = None
+    value: float | None = None
+    standard_error: float | None = None
+    at: Fitted | None = None
+
+
+@dataclass(frozen=True)
+class Round:
+    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike."""
+
+    given: tuple[Extension, ...]
+    trials: tuple[Trial, ...]
+    found: tuple[Trial, ...]
+    needed: float
+
+
+@dataclass(frozen=True)
+class Outliers:
+    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual."""
+
+    counts: dict[str, tuple[int, int]]
+    share: float
+
+    @property
+    def named(self) -> bool:
+        """Whether they are worth a sentence: one sample in a million normal ones lies as far, some more where the noise has tails."""
+        return self.share >= 0.05 and any(n >= max(2, 0.002 * m) for n, m in self.counts.values())
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
+    were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen."""
+
+    carrier: Carrier
+    base: Fitted
+    apart: np.ndarray
+    rounds: tuple[Round, ...]
+    outliers: Outliers
+    evaluations: int
+    unseen_blocks: bool
+
+    @property
+    def found(self) -> tuple[Trial, ...]:
+        """The first of each round that found something."""
+        return tuple(r.found[0] for r in self.rounds if r.found)
+
+    def answer_values(self) -> dict[str, float]:
+        """Parameters of the problem by coordinate name, in their units, as the last fit has them, and those of what was found."""
+        end = self.found[-1].at if self.found else self.base
+        assert end is not None
+        space = self.carrier.given.space
+        values = dict(zip(space.names, np.asarray(space.physical(end.x[: self.carrier.own])).tolist(), strict=True))
+        return values | {a.parameter: end.value(a, self.carrier) for a in end.additions}
+
+
+def diagnose(
+    problem: Problem,
+    z: np.ndarray,
+    progress: Callable[[str], None] | None = None,
+    rounds: int = ROUNDS,
+    only: str | None = None,
+) -> Diagnosis:
+    """Try every addition of the catalogue at the answer z (d,) of a problem, and name those that the data ask for.
+
+    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one alone is tried.
+    `progress` is told what is being tried. Raises ModelError for a model that is not simulated over time, and for an addition that the
+    catalogue does not have.
+    """
+    model = problem.model
+    if not isinstance(model, Model) or not problem.predictor.has_steps or any(e.steady for e in problem.experiments.values()):
+        raise ModelError(f"Diagnosis is for models that are simulated over time, and {model.name!r} is not; look at its residuals instead.")
+    say = progress or (lambda text: None)
+    problem = problem.unsmoothed
+    carrier = Carrier.of(problem, z, inside_kinds(problem))
+    say("preparing")
+    rows = carrier.rows
+    base = fitted(carrier, (), carrier.x, np.zeros(0), rows.fit)
+    apart = outlying(base.residuals, rows)
+    kept = ~apart
+    use = rows.fit & kept
+    outliers = _outliers(base, apart, carrier)
+    if apart.any():
+        base = fitted(carrier, (), base.x, np.zeros(0), use)
+    extensions, made, count = catalogue(problem, rows), [], base.evaluations
+    if only is not None:
+        extensions, rounds = _only(extensions, only), 1
+    bare, waiting = base, False
+    for _ in range(rounds):
+        one, used = _round(carrier, base, extensions, use, kept, say)
+        count += used
+        if waiting:  # neither of two was enough alone; both are named where they are enough together
+            both = _together(carrier, bare, made[-1], one, use, kept)
+            if both is None:
+                break
+            made, one = [*made[:-1], both[0]], both[1]
+        made.append(one)
+        best = one.trials[0] if one.trials else None
+        waiting = not one.found and not waiting and bare is base and best is not None and best.explained >= WORTH
+        following = one.found[0].at if one.found else best.at if waiting and best is not None else None
+        if following is None:
+            break
+        base = following
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, count, not validated(rows, kept))
+
+
+def _together(carrier: Carrier, bare: Fitted, first: Round, second: Round, use: np.ndarray, kept: np.ndarray) -> tuple[Round, Round] | None:
+    """Two rounds in which the best of either is found, where both together explain more than chance would of as many pairs."""
+    a, b = first.trials[0], second.trials[0] if second.trials else None
+    if b is None or a.at is None or b.at is None:
+        return None
+    pairs = len(first.trials) * len(second.trials)
+    if evidence(bare, b.at, carrier.rows, use) < needed(pairs, 2):
+        return None
+    own = [_judged(carrier, base, t, use, kept) for base, t in ((bare, a), (a.at, b))]
+    later = unseen(carrier, bare, b.at, use, kept)
+    if later.extended >= later.base or any(t.evidence < second.needed for t in own[1:]):
+        return None
+    return replace(first, found=(own[0],)), second if second.found else replace(second, found=(own[1],))
+
+
+def _judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with its figures on unseen data."""
+    assert t.at is not None
+    unit, later = _scale(carrier), unseen(carrier, base, t.at, use, kept)
+    roots = float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit
+    error = standard_error(carrier, t.at, t.extension, use)
+    return replace(t, unseen=1.0 - later.extended / later.base, unseen_rmse=roots, standard_error=error)
+
+
+def _only(extensions: Sequence[Extension], name: str) -> list[Extension]:
+    found = [e for e in extensions if e.name == name.strip()]
+    if not found:
+        names = [e.name for e in extensions]
+        raise ModelError(f"There is no {name!r} to try.{suggest(name, names)} There are: {', '.join(names)}.")
+    return found
+
+
+def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
+    rows = carrier.rows
+    scored = rows.fit | rows.unseen
+    total = float(np.sum(base.residuals[scored] ** 2))
+    share = float(np.sum(base.residuals[scored & apart] ** 2)) / total if total > 0 else 0.0
+    counts = {o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o)))) for o in dict.fromkeys(rows.output)}
+    return Outliers(counts, share)
+
+
+def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any):
+    left = [e for e in extensions if e not in base.additions]
+    tried, count = [], 0
+    for e in left:
+        say(f"trying {e.name}")
+        one, used = _tried(carrier, base, e, use)
+        count += used
+        if one is not None:
+            tried.append((e, one))
+    tried.sort(key=lambda pair: pair[1].cost(use))
+    before, n = base.cost(use), int(use.sum())
+    unit = _scale(carrier)
+    root = lambda square: float(np.sqrt(square)) * unit  # noqa: E731
+    limit, trials = needed(len(left)), []
+    for k, (e, one) in enumerate(tried):
+        if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
+            say(f"fitting with {e.name}")
+            full = fitted(carrier, one.additions, one.x, one.theta, use)
+            one = full if full.cost(use) < one.cost(use) else one
+            count += full.evaluations
+        trials.append((e, one))
+    trials.sort(key=lambda pair: pair[1].cost(use))
+    judged = []
+    for k, (e, one) in enumerate(trials):
+        explained = max(0.0, 1.0 - one.cost(use) / before)
+        rmse = root(before / n), root(one.cost(use) / n)
+        told = evidence(base, one, carrier.rows, use)
+        if k < FINALISTS and explained >= LEAST and told >= limit:
+            judged.append(_judged(carrier, base, Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one), use, kept))
+        else:
+            judged.append(Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one))
+    return Round(base.additions, tuple(judged), _found(carrier, judged, extensions, use), limit), count
+
+
+def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
+    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
+    good = [t for t in judged if t.unseen is not None and t.unseen > 0]
+    if not good:
+        return ()
+    best = max(good, key=lambda t: t.explained)
+    assert best.at is not None
+    alike = []
+    for t in good:
+        assert t.at is not None
+        apart = evidence(t.at, best.at, carrier.rows, use)
+        if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
+            alike.append(t)
+    return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> tuple[Fitted | None, int]:
+    """The best short fit with an addition from its starts, and the evaluations spent."""
+    additions, best, count = (*base.additions, e), None, 0
+    for start in (0.0,) if e.linear else e.starts:
+        one = fitted(carrier, additions, base.x, np.r_[base.theta, start], use, QUICK)
+        count += one.evaluations
+        if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
+            best = one
+    return best, count
+
+
+def _scale(carrier: Carrier) -> float:
+    """The unit of the RMSE: that of the output where there is one."""
+    scales = carrier.given.scales
+    return next(iter(scales.values())) if len(scales) == 1 else 1.0

@@ -1,0 +1,168 @@
+"""A plant with some additions, fitted from a point nearby: damped Gauss-Newton steps on exact and differenced derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from plantfit.trust.diagnosis import effects
+from plantfit.trust.diagnosis.carrier import Carrier
+from plantfit.trust.diagnosis.catalogue import Extension
+
+STEP = 1e-4  # of the size of an addition: by how much it is moved for a derivative
+DAMPING, GROWTH = 1e-3, 4.0
+ENDS = 1e-5  # relative decrease of the cost that ends a fit
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Additions, the carrier's parameters x (d,), the additions' own theta (k,), and the weighted residuals (m,) at all rows.
+
+    `jacobian` (m, d + k) is by those of `free` columns.
+    """
+
+    additions: tuple[Extension, ...]
+    x: np.ndarray
+    theta: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    evaluations: int
+
+    def cost(self, rows: np.ndarray) -> float:
+        """Sum of squares over rows (m,) bool."""
+        return float(np.sum(self.residuals[rows] ** 2))
+
+    def value(self, addition: Extension, carrier: Carrier) -> float:
+        """The parameter of an addition, in its unit (of initial values in several recordings the largest)."""
+        k = self.additions.index(addition)
+        if addition.place != "inside":
+            return float(self.theta[k])
+        own = self.x[list(carrier.inside[addition.kind, addition.signal])]
+        return float(own[np.argmax(np.abs(own))])
+
+
+def columns(carrier: Carrier, additions: Sequence[Extension]) -> np.ndarray:
+    """Places of the free columns among carrier parameters and theta."""
+    inside = [i for a in additions if a.place == "inside" for i in carrier_places(carrier, a)]
+    theta = [len(carrier.names) + k for k, a in enumerate(additions) if a.place != "inside"]
+    return np.array([*range(carrier.own), *inside, *theta], dtype=int)
+
+
+def carrier_places(carrier: Carrier, addition: Extension) -> list[int]:
+    """Places of an effect inside the plant among the carrier's parameters."""
+    wanted = [carrier.problem.space.names[i] for i in carrier.inside[addition.kind, addition.signal]]
+    return [carrier.names.index(n) for n in wanted]
+
+
+def evaluate(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted residuals (m,) at all rows, NaN where nothing was measured, and derivatives (m, d + k) by x and linear theta.
+
+    Columns of additions before and behind the plant that are not linear are left zero.
+    """
+    rows = carrier.rows
+    predicted, jacobian = carrier.at(x, _inputs(carrier, additions, theta))
+    jacobian = np.hstack([jacobian, np.zeros((len(predicted), len(additions)))])
+    for k, a in enumerate(additions):
+        if a.place == "behind":
+            predicted, jacobian = _behind(carrier, a, k, float(theta[k]), predicted, jacobian)
+    weight = rows.weight
+    return (predicted - rows.measured) * weight, jacobian * weight[:, None]
+
+
+def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict | None:
+    own = [(k, a) for k, a in enumerate(additions) if a.place == "before"]
+    if not own:
+        return None
+    held = carrier.problem.predictor.stepping().interpolated
+    made: dict[str, dict[str, np.ndarray]] = {}
+    for name, e in carrier.problem.experiments.items():
+        t, inputs = e.recording.t, dict(carrier.inputs[name])
+        for k, a in own:
+            u, v, is_held = inputs[a.signal], float(theta[k]), a.signal not in held
+            inputs[a.signal] = {
+                "dead_time": lambda t=t, u=u, v=v, h=is_held: effects.late(t, u, v, h),
+                "lag": lambda t=t, u=u, v=v, h=is_held: effects.lagged(t, u, max(v, 1e-12), h),
+                "dead_zone": lambda u=u, v=v: effects.dead_zone(u, v),
+                "saturation": lambda u=u, v=v: np.clip(u, -v, v),
+                "backlash": lambda u=u, v=v: effects.played(u, v),
+            }[a.kind]()
+        made[name] = inputs
+    return made
+
+
+def _behind(carrier: Carrier, a: Extension, k: int, v: float, predicted: np.ndarray, jacobian: np.ndarray):
+    predicted, jacobian, scale = predicted.copy(), jacobian.copy(), carrier.given.scales[a.signal]
+    for name, e in carrier.problem.experiments.items():
+        at = carrier.rows.part(name, a.signal)
+        t, column = e.recording.t, len(carrier.names) + k
+        if a.kind == "offset":
+            predicted[at] += v / scale
+            jacobian[at, column] = 1.0 / scale
+        elif a.kind == "drift":
+            predicted[at] += v * t / scale
+            jacobian[at, column] = t / scale
+        elif a.kind == "sensor_lag":
+            both = effects.behind(t, np.column_stack([predicted[at], jacobian[at]]), max(v, 1e-12))
+            predicted[at], jacobian[at] = both[:, 0], both[:, 1:]
+        else:
+            level = v / scale
+            beyond = predicted[at] > level if a.kind == "sensor_high" else predicted[at] < level
+            predicted[at[beyond]] = level
+            jacobian[at[beyond]] = 0.0
+            jacobian[at[beyond], column] = 1.0 / scale
+    return predicted, jacobian
+
+
+def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30) -> Fitted:
+    """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps."""
+    additions, theta, x = tuple(additions), np.array(theta, dtype=float), np.array(x, dtype=float)
+    free, n = columns(carrier, additions), len(carrier.names)
+    low, high = np.full(n + len(additions), -np.inf), np.full(n + len(additions), np.inf)
+    low[: carrier.own], high[: carrier.own] = 0.0, 1.0
+    for k, a in enumerate(additions):
+        if a.place == "inside":
+            for i in carrier_places(carrier, a):
+                low[i], high[i] = a.low, a.high
+        else:
+            low[n + k], high[n + k] = a.low, a.high
+    count = 0
+
+    def whole(point: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal count
+        count += 1
+        r, jacobian = evaluate(carrier, additions, point[:n], point[n:])
+        for k, a in enumerate(additions) if slopes else ():
+            if a.place == "inside" or a.kind in ("offset", "drift", "sensor_high", "sensor_low"):
+                continue
+            size = STEP * max(abs(point[n + k]), 1e-3 * min(a.high - a.low, 1e300))
+            size = -size if point[n + k] + size > a.high else size
+            moved = point.copy()
+            moved[n + k] += size
+            count += 1
+            jacobian[:, n + k] = (evaluate(carrier, additions, moved[:n], moved[n:])[0] - r) / size
+        return r, jacobian
+
+    point, damping = np.r_[x, theta], DAMPING
+    r, jacobian = whole(point)
+    for _ in range(steps):
+        a, b = jacobian[np.ix_(use, free)], r[use]
+        norms = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
+        cost = float(b @ b)
+        if not np.isfinite(cost) or not np.all(np.isfinite(a)):
+            break
+        q, s, right = np.linalg.svd(a / norms, full_matrices=False)
+        s_inv = s / (s**2 + damping)
+        step = -(right.T @ (s_inv * (q.T @ b))) / norms
+        trial = point.copy()
+        trial[free] = np.clip(point[free] + step, low[free], high[free])
+        r2, j2 = whole(trial)
+        new = float(np.sum(r2[use] ** 2))
+        if np.isfinite(new) and new < cost:
+            point, r, jacobian, damping = trial, r2, j2, max(damping / GROWTH, 1e-9)
+            if cost - new <= ENDS * cost:
+                break
+        else:
+            damping *= GROWTH**2
+            if damping > 1e4:
+                break
+    return Fitted(additions, point[:n], point[n:], r, jacobian, count)

@@ -1,0 +1,110 @@
+"""How much an addition explains, on samples that were fitted and on those that were not, and whether chance could do that.
+
+The statistic is n/c ln(s0^2/s1^2), twice the gain of a normal log-likelihood where n residuals count as n/c independent ones; c is that
+of the residuals which the addition leaves. So what is left of a wrong model does not count as noise, and coloured noise that no addition
+explains does not count as evidence. Compared with chi-squared of one degree of freedom, 1 % shared by all that were tried (Bonferroni).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from plantfit.problem.measure.long_run import inflation
+from plantfit.trust.diagnosis.carrier import Carrier, Rows
+from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.hypothesis import Fitted, columns, fitted
+
+CHANCE = 0.01  # that anything is named where nothing is missing
+LEAST = 0.01  # of the mean square: less is not worth a change of the model
+FEWEST = 10  # samples of a part that is unseen
+BLOCKS, REFITS = 5, 6  # left out in turn where no part of the data is unseen, and steps of each refit
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Mean squares over samples that a fit had not seen, by the base and with an addition; `rows` (m,) bool, `blocks` where they were cut
+    out of the fitted part."""
+
+    base: float
+    extended: float
+    blocks: bool
+
+
+def independent_share(residuals: np.ndarray, rows: Rows, use: np.ndarray) -> float:
+    """c: how many residuals count as one, over all series together."""
+    total, square = 0.0, 0.0
+    for name in dict.fromkeys(rows.recording):
+        for output in dict.fromkeys(rows.output):
+            at = rows.part(name, output)
+            at = at[use[at]]
+            if len(at):
+                own = float(np.sum(residuals[at] ** 2))
+                total, square = total + own * inflation(residuals[at], rows.sample[at]), square + own
+    return total / square if square > 0 else 1.0
+
+
+def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> float:
+    """Twice the gain of log-likelihood, by independent residuals."""
+    before, after = base.cost(use), extended.cost(use)
+    if after <= 0:
+        return np.inf if before > 0 else 0.0
+    return float(np.sum(use)) / independent_share(extended.residuals, rows, use) * np.log(before / after)
+
+
+def needed(tried: int, freedom: int = 1) -> float:
+    """The evidence that chance exceeds in 1 % of the records without a fault, of so many additions of `freedom` parameters."""
+    return float(special.chdtri(float(freedom), CHANCE / max(tried, 1)))
+
+
+def validated(rows: Rows, kept: np.ndarray) -> bool:
+    """Whether the study keeps a part unseen that is worth a comparison."""
+    return bool(np.sum(rows.unseen & kept) >= FEWEST)
+
+
+def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray) -> Unseen:
+    """Over the validation part, or over blocks of the fitted part left out in turn.
+
+    `use` are the fitted rows, `kept` those that no outlier takes away.
+    """
+    later = carrier.rows.unseen & kept
+    if validated(carrier.rows, kept):
+        return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
+    sums = np.zeros(2)
+    for block in _blocks(carrier.rows, use):
+        rest = use & ~block
+        for k, one in enumerate((base, extended)):
+            again = fitted(carrier, one.additions, one.x, one.theta, rest, REFITS)
+            sums[k] += again.cost(block)
+    return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
+
+
+def _blocks(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
+    """Fifths of every recording's fitted samples, one after the other."""
+    names = list(dict.fromkeys(rows.recording[use]))
+    found = [np.zeros(len(use), dtype=bool) for _ in range(BLOCKS)]
+    for name in names:
+        samples = np.unique(rows.sample[use & (rows.recording == name)])
+        for block, part in zip(found, np.array_split(samples, BLOCKS), strict=True):
+            if len(part):
+                block |= use & (rows.recording == name) & (rows.sample >= part[0]) & (rows.sample <= part[-1])
+    return [b for b in found if b.any() and (use & ~b).any()]
+
+
+def standard_error(carrier: Carrier, one: Fitted, addition: Extension, use: np.ndarray) -> float:
+    """Of the parameter of an addition, in its unit, from the linearised fit; correlation of the residuals raises it."""
+    free = columns(carrier, one.additions)
+    a = one.jacobian[np.ix_(use, free)]
+    norms = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
+    variance = one.cost(use) / max(1, int(use.sum()) - len(free)) * independent_share(one.residuals, carrier.rows, use)
+    inverse = np.linalg.pinv((a / norms).T @ (a / norms), rcond=1e-12)
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance) / norms
+    return float(errors[_place(carrier, one.additions, addition, free)])
+
+
+def _place(carrier: Carrier, additions: Sequence[Extension], addition: Extension, free: np.ndarray) -> int:
+    own = columns(carrier, [addition])
+    if addition.place == "inside":
+        return int(np.flatnonzero(free == own[-1])[0])
+    return int(np.flatnonzero(free == len(carrier.names) + list(additions).index(addition))[0])

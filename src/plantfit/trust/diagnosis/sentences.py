@@ -1,0 +1,177 @@
+"""What a diagnosis says: a plain record, sentences first."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis, Round, Trial
+from plantfit.trust.diagnosis.treatment import addition_lines, changed
+from plantfit.trust.validate.residual_tests import white_part
+from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
+
+MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
+
+_PHRASES = {
+    "dead_time": "a dead time of {} on {}",
+    "lag": "a further lag of {} on {}",
+    "dead_zone": "a dead zone of {} to each side on {}",
+    "saturation": "a saturation at {} of {}",
+    "backlash": "backlash of {} to each side on {}",
+    "sensor_lag": "a sensor lag of {} on {}",
+    "offset": "an offset of {} on {}",
+    "drift": "a drift of {} on {}",
+    "sensor_high": "an upper end at {} of the sensor of {}",
+    "sensor_low": "a lower end at {} of the sensor of {}",
+    "coulomb": "dry friction of {} on {}",
+    "quadratic": "a drag by the square of {} on {}",
+    "start": "an initial value that is {} off, of {},",
+}
+
+
+def diagnosis_record(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines."""
+    return {
+        "name": diagnosis.carrier.given.name,
+        "verdict": list(_sentences(diagnosis)),
+        "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
+        "rounds": [_round(diagnosis, r) for r in diagnosis.rounds],
+        "write": addition_lines(changed(diagnosis)),
+        "evaluations": diagnosis.evaluations,
+    }
+
+
+def _round(diagnosis: Diagnosis, one: Round) -> dict[str, Any]:
+    return {
+        "beside": [e.name for e in one.given],
+        "needed": one.needed,
+        "found": [t.extension.name for t in one.found],
+        "tried": [_trial(t) for t in one.trials],
+    }
+
+
+def _trial(t: Trial) -> dict[str, Any]:
+    e, later = t.extension, t.unseen_rmse
+    return {
+        "name": e.name, "kind": e.kind, "signal": e.signal, "parameter": e.parameter, "unit": e.unit, "value": t.value,
+        "standard_error": t.standard_error, "explained": t.explained, "evidence": t.evidence, "rmse": t.rmse[0], "rmse_with": t.rmse[1],
+        "unseen_rmse": None if later is None else later[0], "unseen_rmse_with": None if later is None else later[1],
+    }  # fmt: skip
+
+
+def _sentences(d: Diagnosis) -> Iterator[Sentence]:
+    if d.outliers.named:
+        for output, (count, total) in d.outliers.counts.items():
+            if count:
+                share = 100 * d.outliers.share
+                yield say(
+                    "warning",
+                    f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of the squares of the "
+                    "residual: outliers, left out of what follows. drop_outliers under clean takes them away.",
+                    count=count,
+                    share=d.outliers.share,
+                )
+    for k, one in enumerate(d.rounds):
+        if one.found:
+            yield _found(d, one, k)
+    if not d.found:
+        yield _nothing(d)
+    last = d.rounds[-1]
+    if d.found and not last.found and last.trials:
+        yield say("info", f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.", explained=_best(last))
+    yield from _left(d)
+
+
+def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
+    """One addition, or several that explain alike."""
+    best = max(one.found, key=lambda t: t.explained)
+    sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
+    likely = "very likely" if sure else "likely"
+    left = "what is left" if k == 0 else "what is then left"
+    text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
+    if len(one.found) == 1:
+        text += f": {likely} missing."
+    else:
+        others = ", ".join(f"{_phrase(t)} ({_percent(t.explained)})" for t in one.found[1:])
+        text += f", and {others} explains it as well: one of them is {likely} missing, and this record cannot tell which."
+    figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
+    return say("warning", text, **figures)
+
+
+def _figures(d: Diagnosis, t: Trial) -> str:
+    unit = _unit(d)
+    scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
+    text = f"{scaled}RMSE {number(t.rmse[0])} to {with_unit(t.rmse[1], unit)}"
+    if t.unseen_rmse is None:
+        return text
+    where = "blocks left out" if d.unseen_blocks else "unseen data"
+    return f"{text}; {where} {number(t.unseen_rmse[0])} to {number(t.unseen_rmse[1])}"
+
+
+def _nothing(d: Diagnosis) -> Sentence:
+    first = d.rounds[0]
+    best = _best(first)
+    text = f"Nothing that was tried explains more than {_percent(best)} of what is left ({len(first.trials)} additions to the model)"
+    strong = [t for t in first.trials if t.explained >= 0.05]
+    if strong:
+        text += ", and none of it is more than chance or holds on unseen data"
+    return say("good" if best < 0.05 else "info", text + ".", explained=best)
+
+
+def _best(one: Round) -> float:
+    return max((t.explained for t in one.trials), default=0.0)
+
+
+def _left(d: Diagnosis) -> Iterator[Sentence]:
+    """Whether more than noise is left after all that was found."""
+    carrier, rows = d.carrier, d.carrier.rows
+    end = d.found[-1].at if d.found else None
+    for output in carrier.given.outputs:
+        noise, size = [], []
+        for name in dict.fromkeys(rows.recording):
+            at = rows.part(name, output)
+            at = at[rows.fit[at]]
+            r = None if end is None else end.residuals[at]
+            r = d.base.residuals[at] if r is None else r
+            if len(r) > 10:
+                noise.append(white_part(np.where(d.apart[at], np.nan, r)))
+                size.append(float(np.sqrt(np.nanmean(np.where(d.apart[at], np.nan, r) ** 2))))
+        if noise and np.nanmax(np.array(size) / np.maximum(noise, 1e-300)) > MUCH:
+            times = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300)))
+            yield say(
+                "warning",
+                f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
+                "doubt: something else is missing, or the record is too short to tell.",
+                times=times,
+            )
+
+
+def _shown(t: Trial) -> str:
+    text = _phrase(t)
+    return text[0].upper() + text[1:]
+
+
+def _phrase(t: Trial) -> str:
+    return _PHRASES[t.extension.kind].format(_value(t), t.extension.signal)
+
+
+def _value(t: Trial) -> str:
+    e: Extension = t.extension
+    row = {"name": "x", "value": t.value, "standard_error": t.standard_error, "unit": plain_unit(e.unit)}
+    return estimate(row).removeprefix("x = ") if t.value is not None else "unknown size"
+
+
+def plain_unit(unit: str | None) -> str:
+    """A unit as a sentence has it: differences of temperatures in K."""
+    return "" if unit in (None, "1") else unit.replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
+
+
+def _percent(share: float) -> str:
+    percent = 100.0 * share
+    return f"{percent:.0f} %" if percent < 99.5 and percent >= 2 else f"{percent:.1f} %" if percent < 99.95 else "over 99.9 %"
+
+
+def _unit(d: Diagnosis) -> str | None:
+    given = d.carrier.given
+    return given.model.outputs[given.outputs[0]] if len(given.outputs) == 1 else None

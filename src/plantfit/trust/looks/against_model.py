@@ -1,0 +1,120 @@
+"""Recordings against the model: length and period against the bounds of its times, feedback, and rest at the start."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from plantfit import units
+from plantfit.models.model import Model
+from plantfit.problem.problem import Problem
+from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
+from plantfit.recording.record import Recording
+from plantfit.trust.validate.residual_tests import white_part
+
+OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
+FAR = 10.0  # times a bound: not sampled badly, but in another unit
+RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
+
+
+def problem_looks(problem: Problem) -> list[Look]:
+    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and steady records."""
+    model = problem.model
+    if not isinstance(model, Model) or not problem.in_time:
+        return []
+    found: list[Look] = []
+    for name, e in problem.experiments.items():
+        if e.steady:
+            continue
+        recording = Recording(e.recording.t, e.recording.signals, name)
+        found += clock_looks(recording)
+        for u in model.inputs:
+            found += signal_looks(recording, u, measured=False)
+        for y in problem.outputs:
+            found += signal_looks(recording, y, measured=True)
+        found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
+        found += _times(problem, recording)
+        found += _start(problem, model, recording)
+    return found
+
+
+def _time_bounds(problem: Problem) -> Iterator[tuple[str, float, float, bool]]:
+    """Parameters that are times: name, bounds (s), whether it is a dead time."""
+    late = {d.parameter for d in getattr(problem.model, "delays", ())}
+    for c in problem.space.coordinates:
+        if c.unit and units.compatible(c.unit, "s"):
+            factor = units.factor_offset(c.unit, "s")[0]
+            yield c.name, c.lower * factor, c.upper * factor, c.parameter in late
+
+
+def _times(problem: Problem, recording: Recording) -> Iterator[Look]:
+    length, period = float(np.ptp(recording.t)), float(np.median(np.diff(recording.t)))
+    ends = float(recording.t[0]), float(recording.t[-1])
+    for name, low, high, late in _time_bounds(problem):
+        if high <= period:
+            what, figure = f"samples are {period:.4g} s apart, and {name} is at most {high:.4g} s", period
+            kind, end = "sampled slowly", "nothing between two samples can tell it"
+        elif low >= length and not late:
+            what, figure = f"the record is {length:.4g} s long, and {name} is at least {low:.4g} s", length
+            kind, end = "short", "it ends before that shows"
+        else:
+            continue
+        text = f"In {recording.name} {what}: {end}."
+        write = ""
+        other = next((u for u, f in OTHERS if period * f < 0.5 * high and length * f > max(2.0 * low, 0.0)), None)
+        far = period >= FAR * high or length <= low / FAR
+        if far and other is not None and _plausible(problem, length, period, dict(OTHERS)[other]):
+            text += f" Is the time in {other}? It would fit the bounds of all times then."
+            write = f'time_unit = "{other}"'
+            kind = "time unit"
+        yield Look(kind, "warning", recording.name, None, text, *ends, write, {"seconds": figure, "low": low, "high": high})
+        return
+
+
+def _plausible(problem: Problem, length: float, period: float, factor: float) -> bool:
+    return all(high > period * factor and (late or low < length * factor) for _, low, high, late in _time_bounds(problem))
+
+
+def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Look]:
+    """Outputs that move before any input has moved, where the states begin at fixed numbers."""
+    fixed = _fixed_states(problem, model, recording)
+    if not model.inputs or not fixed:
+        return
+    moves = [np.flatnonzero(np.diff(recording[u])) for u in model.inputs]
+    first = min((int(m[0]) + 1 for m in moves if len(m)), default=len(recording))
+    if first < RESTING or first == len(recording):
+        return
+    t = recording.t[:first]
+    for y in problem.outputs:
+        values = recording[y][:first]
+        if not np.all(np.isfinite(values)):
+            continue
+        noise = white_part(recording[y])
+        centred = t - t.mean()
+        slope = float(centred @ values / (centred @ centred))
+        error = noise / float(np.sqrt(centred @ centred))
+        moved = abs(slope) * float(np.ptp(t))
+        if abs(slope) > MOVES * error and moved > 0.02 * float(np.ptp(recording[y])):
+            unit = f" {model.outputs[y]}" if model.outputs[y] not in (None, "", "1") else ""
+            own = y if y in fixed else fixed[0]
+            yield Look(
+                "not at rest", "info", recording.name, y,
+                f"{y} moves by {moved:.3g}{unit} in the first {np.ptp(t):.3g} s of {recording.name}, before any input does: the plant was "
+                f"not at rest, and the model begins at fixed values of {', '.join(fixed)}.",
+                float(t[0]), float(t[-1]), f'initial = "{own}_start", with bounds under [parameters.{own}_start]', {"moved": moved},
+            )  # fmt: skip
+
+
+def _fixed_states(problem: Problem, model: Model, recording: Recording) -> list[str]:
+    """States whose initial value depends on no free parameter and on nothing measured."""
+    if model.initial_state is None:
+        return list(model.states)
+    begin, space = model.initial_state, problem.space
+    u0 = {u: recording[u][0] for u in model.inputs} | {"t": recording.t[0]}
+    values = []
+    for share in (0.31, 0.64):
+        p = space.tree(np.asarray(space.physical(np.full(space.dimension, share))), recording.name)
+        values.append(begin(p, u0, dict.fromkeys(model.outputs, share)))
+    return [s for s in model.states if float(values[0][s]) == float(values[1][s])]
+
+
+__all__ = ["problem_looks"]

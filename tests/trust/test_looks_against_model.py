@@ -1,0 +1,57 @@
+"""Looks at recordings against the bounds and initial values of a model."""
+
+import numpy as np
+import pytest
+
+from plantfit.models import equations
+from plantfit.problem import Problem
+from plantfit.recording.record import Recording, Signal
+from plantfit.trust.looks import problem_looks
+
+
+def record(period=0.05, start=0.0, rest=40, n=600):
+    u = np.repeat(np.random.default_rng(0).uniform(-1, 2, n // 20), 20)
+    u[:rest] = 0.0
+    x, y, a = start, np.empty(n), np.exp(-0.05 / 0.5)
+    for k, v in enumerate(u):
+        y[k] = x
+        x = a * x + (1 - a) * 2.0 * v
+    y += 0.01 * np.std(y) * np.random.default_rng(1).normal(size=n)
+    return Recording(np.arange(n) * period, {"u": Signal(u), "y": Signal(y)}, "a")
+
+
+def looks(recording, initial: float | str = 0.0, tau=(0.02, 2.0)):
+    model = equations(
+        "x' = (K*u - x)/tau; y = x",
+        inputs=["u"], states={"x": {"initial": initial}}, outputs=["y"],
+        parameters={"K": {"bounds": (0.1, 10)}, "tau": {"unit": "s", "bounds": tau}}
+        | ({"x0": {"bounds": (-9, 9)}} if initial == "x0" else {}),
+    )  # fmt: skip
+    return problem_looks(Problem(model, recording))
+
+
+def test_a_record_that_fits_its_model_is_left_alone():
+    assert not looks(record())
+
+
+def test_milliseconds_called_seconds():
+    (look,) = looks(record(period=50.0))
+    assert look.kind == "time unit"
+    assert look.write == 'time_unit = "ms"'
+    assert "50 s apart" in look.sentence
+
+
+@pytest.mark.parametrize(("tau", "kind"), [((0.001, 0.04), "sampled slowly"), ((40.0, 90.0), "short")])
+def test_times_that_the_record_cannot_show(tau, kind):
+    (look,) = looks(record(), tau=tau)
+    assert look.kind == kind
+    assert "tau" in look.sentence
+
+
+def test_a_plant_that_was_not_at_rest():
+    (look,) = looks(record(start=3.0))
+    assert look.kind == "not at rest"
+    assert look.figures["moved"] > 1.0
+    assert look.write.startswith('initial = "x_start"')
+    assert not looks(record(start=3.0), initial="x0")
+    assert not looks(record(start=3.0), initial="y")
