@@ -33,7 +33,7 @@ def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]]
 
     What has a standard error is drawn from a normal distribution with the correlations of the linearised problem, in logarithms where the
     search is in logarithms; stated errors of instruments widen it. What has none, or one above half of its value, is drawn
-    evenly over the range of the findings, the others moved with it as the linearised problem says, and a draw is kept where its cost is
+    evenly over the range of the findings, all others moved with it as the linearised problem says, and a draw is kept where its cost is
     one that draws of the determined parts have too. Physical limits cut both. Raises SearchError where hardly a draw is left.
     """
     space, rng = problem.space, np.random.default_rng(seed)
@@ -55,16 +55,18 @@ def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]]
     error = error / size
     spread = _spread(local.covariance / size[:, None] / size[None, :], error)
     limits = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
-    follow = _followers(problem, z, size * 1.0, wide)
+    follow = _followers(problem, z, size, wide)
+    least = np.where(log & (low <= 0), 1e-3 * values, low)
+    here, *ends = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, high))
+    limits = np.where(wide[:, None], np.stack([np.maximum(low, limits[:, 0]), np.minimum(high, limits[:, 1])], axis=1), limits)
 
     def drawn(n: int, with_open: bool) -> np.ndarray:
         move = rng.standard_normal((n, len(values))) @ spread.T
         if with_open and np.any(wide):
-            ends = [np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (np.where(log & (low <= 0), 1e-3 * values, low), high)]
-            here = np.where(log, np.log(np.maximum(values, 1e-300)), values)
             place = ends[0] + rng.uniform(size=(n, len(values))) * (ends[1] - ends[0])
-            delta = np.where(wide, place - here, 0.0)
-            move = np.where(wide, delta, move + delta @ follow.T)
+            leads = rng.uniform(size=(n, len(values))) < 1.0 / np.sum(wide)
+            leads[np.arange(n), rng.choice(np.flatnonzero(wide), n)] = True
+            move = move + np.where(wide & leads, place - here, 0.0) @ follow.T
         found = np.where(log, values * np.exp(np.clip(move, -50, 50)), values + move)
         inside = np.all((found >= limits[:, 0]) & (found <= limits[:, 1]), axis=1)
         return found[inside]
@@ -108,13 +110,16 @@ def _spread(covariance: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def _followers(problem: Problem, z: np.ndarray, size: np.ndarray, wide: np.ndarray) -> np.ndarray:
-    """How the others (d, d) move for the least cost when one that is open moves by 1: -(J_k'J_k)^+ J_k'J_o."""
+    """How all others (d, d) move for the least cost when one that is open moves by 1: -(J_k'J_k)^+ J_k'J_o, in columns."""
     found = np.zeros((len(wide), len(wide)))
-    if not np.any(wide) or np.all(wide):
+    if not np.any(wide):
         return found
     _, jacobian = residuals_and_jacobian(problem.unsmoothed, np.asarray(z))
     j = jacobian / problem.space.slopes(np.asarray(z)) * size
-    found[np.ix_(~wide, wide)] = -np.linalg.lstsq(j[:, ~wide], j[:, wide], rcond=1e-10)[0]
+    for k in np.flatnonzero(wide):
+        others = np.arange(len(wide)) != k
+        found[others, k] = -np.linalg.lstsq(j[:, others], j[:, k], rcond=1e-8)[0]
+        found[k, k] = 1.0
     return found
 
 

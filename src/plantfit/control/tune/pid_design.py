@@ -56,6 +56,11 @@ class Wishes:
     horizon: float | None = None
     anti_windup: str = "clamping"
 
+    @property
+    def settled(self) -> float:
+        """How far off the set point, as a share of the step, a loop may be at the end of the step: 5 %, or a step of the sensor."""
+        return max(SETTLED, self.quantum / abs(self.step))
+
 
 class Judged(NamedTuple):
     """Controllers on plants, arrays (controllers, plants): `scores`, `ms`, `stable`, standard deviation `input_noise` of the input by the
@@ -375,7 +380,7 @@ class _Search:
             moved = wishes.noise * jnp.sqrt(jnp.sum(jnp.abs(c[:, None] * s) ** 2 * weights, axis=-1)) / (wishes.upper - wishes.lower)
             cost = 0.5 * (scores.iae / sizes[0] + scores.load_iae / sizes[1])
             cost = cost * (1.0 + over(scores.overshoot, ROOM * wishes.overshoot) + over(ms, ms_limit) + over(moved, wishes.input_noise))
-            cost = cost * (1.0 + STEEPNESS * jnp.maximum(scores.left - SETTLED, 0.0))
+            cost = cost * (1.0 + STEEPNESS * jnp.maximum(scores.left - wishes.settled, 0.0))
             return demand.over_plants(jnp.where(jnp.isfinite(cost), cost, 1e6))
 
         begin = np.stack([np.clip(space.cube(_coordinates(g, space.names)), 0.0, 1.0) for g in starts.values()])
@@ -422,7 +427,7 @@ def judged_on(judge: Judge, gains: Sequence[Gains], h: np.ndarray, w: np.ndarray
         moved.append(wishes.noise * np.sqrt(np.sum(np.abs(c / (1.0 + loop)) ** 2 * weights, axis=-1)) / (wishes.upper - wishes.lower))
     ms, stable = np.array(ms), np.array(stable)
     with np.errstate(invalid="ignore"):
-        kept = stable & (scores.overshoot <= wishes.overshoot) & (ms <= wishes.ms) & (scores.left <= SETTLED)
+        kept = stable & (scores.overshoot <= wishes.overshoot) & (ms <= wishes.ms) & (scores.left <= wishes.settled)
     return Judged(scores, ms, stable, np.array(moved), kept)
 
 

@@ -48,6 +48,10 @@ def verdict(design: PidDesign, names: Mapping[str, np.ndarray], how: str = "that
     if not design.promised:
         parts = [] if np.all(over) else [f"overshoot holds on {_percent(float(np.mean(over)))}"]
         parts += [] if np.all(ms) else [f"Ms on {_percent(float(np.mean(ms)))}"]
+        near = design.judged.scores.left[0] <= wishes.settled
+        parts += (
+            [] if np.all(near) else [f"{_percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
+        )
         why = f" ({', '.join(parts)})" if parts else ""
         say("bad", f"{_percent(wishes.share)} were asked for{why}: measure this first, or ask for less.{_first(design, names, ~kept[0])}")
     elif alone is not None and best.scores.iae > SLOWER * alone.scores.iae:
