@@ -235,7 +235,7 @@ def in_unit(place: str, value: float | str, unit: str | None, difference: bool =
 def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str, proposed: dict[str, str]) -> Wishes:
     """All wishes in the study's units; `proposed` learns what was not asked for."""
     model, output, input_ = loop.model, loop.output, loop.input
-    unit_y, unit_u = model.outputs[output], model.inputs[input_]
+    unit_y, unit_u = (None if unit == "1" else unit for unit in (model.outputs[output], model.inputs[input_]))
     used = [e.recording for e in answer.problem.experiments.values()]
     own = answer.problem.experiments[recording].recording
 

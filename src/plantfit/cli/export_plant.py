@@ -55,5 +55,5 @@ def _study(study: str | None, json: bool, parquet: bool, out: str | None, store:
             f"is written by "
             "`plantfit export-study NUMBER`."
         )
-    warn("`plantfit export` of a study is now `plantfit export-study`; this works as before.")
     exchange.export(None if study is None else int(study), json, parquet, out, store)
+    warn("`plantfit export` of a study is now `plantfit export-study`; this works as before.")

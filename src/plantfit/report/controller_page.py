@@ -9,8 +9,7 @@ from plantfit.report.figures.loops import loop_figure, nyquist_figure, sensitivi
 
 Record = Mapping[str, Any]
 COLUMNS = (
-    "tuning", "K", "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot [%]", "IAE load", "Ms", "gain margin", "phase margin "
-    "[deg]", "kept by",
+    "tuning", "K", "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot %", "IAE load", "Ms", "GM", "PM [deg]", "kept by",
 )  # fmt: skip
 _MARKS = {"good": "", "info": "", "warning": "Note: ", "bad": "Not met: "}
 
