@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from plantfit import methods, models, recording
     from plantfit.answer import Answer
+    from plantfit.controllers import Controller, tune
     from plantfit.errors import PlantfitError, Status
     from plantfit.fitting import fit
     from plantfit.models import equations
@@ -27,6 +28,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "Answer": "plantfit.answer",
     "Checkpoint": "plantfit.optimize",
+    "Controller": "plantfit.controllers",
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
     "Experiment": "plantfit.problem",
@@ -54,6 +56,7 @@ _PLACES = {
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
     "split": "plantfit.problem",
+    "tune": "plantfit.controllers",
     "write_report": "plantfit.report",
 }
 _ROOMS = ("methods", "models", "recording")
@@ -61,6 +64,7 @@ _ROOMS = ("methods", "models", "recording")
 __all__ = [
     "Answer",
     "Checkpoint",
+    "Controller",
     "Declared",
     "Delay",
     "Experiment",
@@ -91,6 +95,7 @@ __all__ = [
     "read_csv",
     "recording",
     "split",
+    "tune",
     "write_report",
 ]
 

@@ -15,7 +15,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from plantfit.cli.commands import bench, sensitivity
+from plantfit.cli.commands import sensitivity
+from plantfit.cli.commands.at_bench import bench
+from plantfit.cli.commands.design import export_plant, tune_controller
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
@@ -200,8 +202,8 @@ def combine(
     command.combine(study, out, force, store, json)
 
 
-@app.command()
-def export(
+@app.command("export-study")
+def export_study(
     study: StudyId = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON, NAME.json unless --out says otherwise; the default.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="As Parquet, one row per run: NAME.parquet.")] = False,
@@ -216,7 +218,7 @@ def export(
 
 @app.command("import")
 def import_(
-    files: Annotated[list[str], typer.Argument(help="Files that `plantfit export` wrote.")],
+    files: Annotated[list[str], typer.Argument(help="Files that `plantfit export-study` wrote.")],
     spec: Annotated[str | None, typer.Option("--spec", help="Where the study file lies here, to find the recordings beside it.")] = None,
     store: StorePlace = STORE,
     json: Json = False,
@@ -303,6 +305,8 @@ def tune_search(
 app.command()(bench.excite)
 app.command()(bench.record)
 app.command()(sensitivity.sensitivity)
+app.command()(tune_controller.tune)
+app.command()(export_plant.export)
 
 
 @app.command()

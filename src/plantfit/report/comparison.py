@@ -6,7 +6,7 @@ from typing import Any
 
 from plantfit.report import html
 from plantfit.report.drawings import Drawings
-from plantfit.report.figures import comparison_curves
+from plantfit.report.figures.comparison import curves
 from plantfit.report.sections import comparison_tables as tables
 from plantfit.report.sections.comparison import said, section
 from plantfit.report.sections.sentences import listed, many
@@ -38,7 +38,7 @@ def render_comparison(record: Mapping[str, Any]) -> str:
 def _across(across: Mapping[str, Any], drawings: Drawings) -> dict[str, Any]:
     profile = None
     if across["profile"]["at"]:
-        figure = comparison_curves.ecdf_figure(across["profile"], "evaluations / (parameters + 1)")
+        figure = curves.ecdf_figure(across["profile"], "evaluations / (parameters + 1)")
         profile = drawings.add(figure, "Data profile: share of problems, targets and runs reached against evaluations per dimension.")
     return {
         "says": [said("info", s) for s in across["sentences"]],

@@ -19,8 +19,13 @@ def load(path: str | Path) -> "Study":
     Raises SpecError with file, key, value and what to do, and the errors of the rooms that use the values.
     """
     path = Path(path)
+    return parse(read_text(path), path)
+
+
+def read_text(path: Path) -> str:
+    """The text of a study file. Raises SpecError where there is none, or none that can be read."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
         raise SpecError(
@@ -31,7 +36,6 @@ def load(path: str | Path) -> "Study":
         raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
     except (OSError, ValueError) as error:
         raise SpecError(f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights.") from None
-    return parse(text, path)
 
 
 def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> "Study":

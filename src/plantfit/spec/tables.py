@@ -149,6 +149,31 @@ class PropagationTable(_Table):
     draws: Annotated[int, Field(ge=20, le=100_000)] | None = None
 
 
+class ControlTable(_Table):
+    """What `plantfit tune` asks for; all is proposed from the study where it is left out."""
+
+    output: str | None = None
+    input: str | None = None
+    controller: Literal["pid", "pi"] = "pid"
+    set_point: float | str | None = None
+    step: float | str | None = None
+    load: float | str | None = None
+    period: float | str | None = None
+    lower: float | str | None = None
+    upper: float | str | None = None
+    quantum: float | str | None = None
+    noise: float | str | None = None
+    overshoot: float | None = Field(None, gt=0)
+    ms: float | None = Field(None, gt=1)
+    share: float | None = Field(None, gt=0, lt=1)
+    input_noise: float | None = Field(None, gt=0)
+    plants: Annotated[int, Field(ge=20, le=10_000)] | None = None
+    horizon: float | str | None = None
+    anti_windup: Literal["clamping", "back-calculation", "none"] | None = None
+    recording: str | None = None
+    inputs: dict[str, float | str] = {}
+
+
 class SpecTable(_Table):
     name: str
     recording: dict[str, RecordingTable] = Field(min_length=1)
@@ -161,6 +186,7 @@ class SpecTable(_Table):
     standard_errors: Literal["robust", "classical"] | None = None
     uncertainty: Annotated[dict[str, UncertaintyTable], BeforeValidator(_by_name)] = {}
     propagation: PropagationTable = PropagationTable()
+    control: ControlTable = ControlTable.model_validate({})
 
 
 def validated(text: str, path: Path) -> SpecTable:
@@ -237,7 +263,7 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
     """Keys allowed in the table at a place."""
     tables: dict[str, type[BaseModel]] = {
         "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
-        "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable,
+        "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable, "control": ControlTable,
     }  # fmt: skip
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:

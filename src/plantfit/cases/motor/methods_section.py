@@ -7,9 +7,9 @@ import numpy as np
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH
 from plantfit.cases.motor.methods import GUARDED, Methods, parts_at
 from plantfit.optimize import RunResult
-from plantfit.report.figures.comparison_answers import parallel_figure
-from plantfit.report.figures.comparison_costs import distribution_figure
-from plantfit.report.figures.comparison_curves import quartiles_figure
+from plantfit.report.figures.comparison.answers import parallel_figure
+from plantfit.report.figures.comparison.costs import distribution_figure
+from plantfit.report.figures.comparison.curves import quartiles_figure
 from plantfit.trust.verdict.words import number
 
 COLUMNS = ["method", "best", "median", "worst", "evaluations", "seconds a run"]

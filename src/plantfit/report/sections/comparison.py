@@ -8,7 +8,7 @@ import numpy as np
 
 from plantfit.errors import Status
 from plantfit.report.drawings import Drawings
-from plantfit.report.figures import comparison_answers, comparison_costs, comparison_curves
+from plantfit.report.figures.comparison import answers, costs, curves
 from plantfit.report.schema import Findings, Number, Parameter, Run, SameModel, array
 from plantfit.report.sections import comparison_tables as tables
 from plantfit.report.sections.sentences import listed
@@ -77,9 +77,9 @@ def _cost_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -
     distribution = means = ordered = None
     if ended:
         label = "Distribution of the final costs of each method, with runs as points."
-        distribution = drawings.add(comparison_costs.distribution_figure(ended, named), label)
+        distribution = drawings.add(costs.distribution_figure(ended, named), label)
         if whole:
-            ordered = drawings.add(comparison_costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted.")
+            ordered = drawings.add(costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted.")
     if len(ended) > 1:
         means = [_means(key, title, ended, drawings) for key, title in MEANS.items()]
     most = max((m["runs"] for m in methods), default=0)
@@ -93,7 +93,7 @@ def _cost_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -
 
 
 def _means(key: str, title: str, methods: Sequence[Mapping[str, Any]], drawings: Drawings) -> dict[str, Any]:
-    figure = comparison_costs.means_figure(title, {m["name"]: m[key] for m in methods})
+    figure = costs.means_figure(title, {m["name"]: m[key] for m in methods})
     return drawings.add(figure, f"{title} of each method with its interval.")
 
 
@@ -101,12 +101,12 @@ def _curve_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) 
     runs = {m["name"]: m["runs"] for m in problem["methods"]}
     evaluations = seconds = ecdf = None
     if whole and any(c["at"] for c in problem["convergence"].values()):
-        figure = comparison_curves.quartiles_figure(problem["convergence"], runs, "evaluations", "evaluations")
+        figure = curves.quartiles_figure(problem["convergence"], runs, "evaluations", "evaluations")
         evaluations = drawings.add(figure, "Median best cost of each method against evaluations, with quartiles.")
-        figure = comparison_curves.quartiles_figure(problem["convergence_seconds"], runs, "seconds", "s")
+        figure = curves.quartiles_figure(problem["convergence_seconds"], runs, "seconds", "s")
         seconds = drawings.add(figure, "Median best cost of each method against seconds, with quartiles.")
     if problem["ecdf"]["targets"]:
-        figure = comparison_curves.ecdf_figure(problem["ecdf"], "evaluations")
+        figure = curves.ecdf_figure(problem["ecdf"], "evaluations")
         ecdf = drawings.add(figure, "Share of targets reached by each method against evaluations.")
     scale = problem["scale"]
     note = (
@@ -123,12 +123,12 @@ def _answer_figures(problem: Mapping[str, Any], drawings: Drawings) -> dict[str,
     parallel, optima = problem["parallel"], problem["optima"]
     drawn = grouped = table = None
     if len(parallel["names"]) > 1 and parallel["runs"]:
-        figure = comparison_answers.parallel_figure(parallel, [m["name"] for m in problem["methods"]])
+        figure = answers.parallel_figure(parallel, [m["name"] for m in problem["methods"]])
         drawn = drawings.add(figure, "Parameters of the best runs, each at its place between its bounds.")
     if optima["count"] > 1:
         table = tables.optima_table(optima)
         if len(optima["names"]) > 1:
-            grouped = drawings.add(comparison_answers.optima_figure(optima), "Parameters of distinct answers of the same cost.")
+            grouped = drawings.add(answers.optima_figure(optima), "Parameters of distinct answers of the same cost.")
     left = f" {parallel['left_out']} parameters that differ less are left out." if parallel["left_out"] else ""
     note = f"The {len(parallel['runs'])} best runs, as many of each method, between the bounds of each parameter.{left}"
     return {"parallel": drawn, "parallel_note": note, "optima": grouped, "optima_table": table}

@@ -9,7 +9,7 @@ from plantfit.cases.pendubot.study_runs import CLOSE, MethodRuns
 from plantfit.recording.record import Recording
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
-from plantfit.report.figures.comparison_costs import colours, means_figure
+from plantfit.report.figures.comparison.costs import colours, means_figure
 from plantfit.report.figures.style import Figure
 from plantfit.space import Space
 from plantfit.study.comparing.statistics import normal_interval

@@ -9,8 +9,8 @@ from plantfit.cases.steam.dynamic_runs import MethodRuns
 from plantfit.problem.problem import Problem
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
-from plantfit.report.figures.comparison_costs import colours, distribution_figure
-from plantfit.report.figures.comparison_curves import quartiles_figure
+from plantfit.report.figures.comparison.costs import colours, distribution_figure
+from plantfit.report.figures.comparison.curves import quartiles_figure
 from plantfit.report.figures.style import Figure
 from plantfit.rig.steam_chamber import NODES, OPENINGS, TABLES
 from plantfit.study.comparing.profiles import best_costs, grid_of, quartiles

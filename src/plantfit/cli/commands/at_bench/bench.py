@@ -46,7 +46,7 @@ def excite(
     json: Json = False,
 ) -> None:
     """Make a signal that excites a plant, within limits, as CSV, as a C header, with a preview."""
-    from plantfit.cli.commands import excite as command
+    from plantfit.cli.commands.at_bench import excite as command
 
     settings = {
         "rate": rate, "duration": duration, "seed": seed, "order": order, "hold": hold, "period": period, "periods": periods,
@@ -71,6 +71,6 @@ def record(
     json: Json = False,
 ) -> None:
     """Play an excitation on a board and record what it measures. Ctrl-C stops the motor first."""
-    from plantfit.cli.commands import record as command
+    from plantfit.cli.commands.at_bench import record as command
 
     command.record(port, excitation, out, duration, rate, baud, reconnect, force, json)

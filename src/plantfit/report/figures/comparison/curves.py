@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.report.figures import style
-from plantfit.report.figures.comparison_costs import colours
+from plantfit.report.figures.comparison.costs import colours
 from plantfit.report.figures.style import Figure
 
 BAND_OF = 5  # runs from which quartiles mean something

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from plantfit.report.figures import style
-from plantfit.report.figures.comparison_costs import colours
+from plantfit.report.figures.comparison.costs import colours
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import percent, significant
 

@@ -1,0 +1,126 @@
+"""A model's equations as straight lines of another language: one assignment for each operation of their jaxpr."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import ModelError
+from plantfit.simulate.steps.vector import VectorModel
+
+import jax
+from jax.extend import core
+
+COMMON = {
+    "add": "{0} + {1}", "sub": "{0} - {1}", "mul": "{0}*{1}", "div": "{0}/{1}", "neg": "-{0}", "add_any": "{0} + {1}", "square": "{0}*{0}",
+    "copy": "{0}", "copy_p": "{0}", "stop_gradient": "{0}", "convert_element_type": "{0}", "lt": "{0} < {1}", "le": "{0} <= {1}",
+    "gt": "{0} > {1}", "ge": "{0} >= {1}", "eq": "{0} == {1}", "ne": "{0} != {1}", "broadcast_in_dim": "{0}",
+    "reshape": "{0}", "squeeze": "{0}",
+}  # fmt: skip
+_NAMED = ("exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "sqrt", "expm1", "log1p")
+_INVERSE = {
+    "asin": "arcsin",
+    "acos": "arccos",
+    "atan": "arctan",
+    "atan2": "arctan2",
+    "asinh": "arcsinh",
+    "acosh": "arccosh",
+    "atanh": "arctanh",
+}
+PYTHON = COMMON | {n: f"np.{n}({{0}})" for n in _NAMED} | {n: f"np.{v}({{0}})" for n, v in _INVERSE.items()} | {
+    "atan2": "np.arctan2({0}, {1})", "abs": "abs({0})", "sign": "np.sign({0})", "pow": "{0}**{1}", "integer_pow": "{0}**{y}",
+    "max": "max({0}, {1})", "min": "min({0}, {1})", "select_n": "({2} if {0} else {1})", "and": "({0} and {1})", "or": "({0} or {1})",
+    "not": "(not {0})", "logistic": "1/(1 + np.exp(-{0}))", "floor": "np.floor({0})", "ceil": "np.ceil({0})", "cbrt": "np.cbrt({0})",
+    "rsqrt": "1/np.sqrt({0})", "exp2": "2.0**{0}",
+}  # fmt: skip
+C = COMMON | {n: f"{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
+    "atan2": "atan2({0}, {1})", "abs": "fabs({0})", "sign": "(double)(({0} > 0.0) - ({0} < 0.0))", "pow": "pow({0}, {1})",
+    "integer_pow": "pow({0}, {y})", "max": "fmax({0}, {1})", "min": "fmin({0}, {1})", "select_n": "({0} ? {2} : {1})",
+    "and": "({0} && {1})",
+    "or": "({0} || {1})", "not": "(!{0})", "logistic": "1.0/(1.0 + exp(-{0}))", "floor": "floor({0})", "ceil": "ceil({0})",
+    "cbrt": "cbrt({0})", "rsqrt": "1.0/sqrt({0})", "exp2": "exp2({0})",
+}  # fmt: skip
+CASADI = COMMON | {n: f"ca.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
+    "atan2": "ca.atan2({0}, {1})", "abs": "ca.fabs({0})", "sign": "ca.sign({0})", "pow": "{0}**{1}", "integer_pow": "{0}**{y}",
+    "max": "ca.fmax({0}, {1})", "min": "ca.fmin({0}, {1})", "select_n": "ca.if_else({0}, {2}, {1})", "and": "ca.logic_and({0}, {1})",
+    "or": "ca.logic_or({0}, {1})", "not": "ca.logic_not({0})", "logistic": "1/(1 + ca.exp(-{0}))", "floor": "ca.floor({0})",
+    "ceil": "ca.ceil({0})", "rsqrt": "1/ca.sqrt({0})", "exp2": "2.0**{0}",
+}  # fmt: skip
+LANGUAGES = {"python": PYTHON, "c": C, "casadi": CASADI}
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Assignments (name, expression) in order, and an expression for each result."""
+
+    assignments: tuple[tuple[str, str], ...]
+    results: tuple[str, ...]
+
+
+def straight_line(vector: VectorModel, what: str, language: str, names: Sequence[Sequence[str]]) -> Lines:
+    """The rates or outputs (`what` "rate" or "output") of a model in a language of `LANGUAGES`.
+
+    `names` are expressions for states, channels and parameters. Raises ModelError for what has no expression there, such as tables.
+    """
+    function: Callable = getattr(vector, what)
+    given = tuple(tuple(1.0 for _ in part) for part in names)
+    try:
+        closed = jax.make_jaxpr(function)(*given)
+    except (TypeError, IndexError, ValueError) as error:
+        raise ModelError(_refusal(vector.model.name, language, f"parameters that are arrays ({type(error).__name__})")) from None
+    flat = [name for part in names for name in part]
+    writer = _Writer(vector.model.name, language, LANGUAGES[language])
+    results = writer.write(closed.jaxpr, [writer.number(c) for c in closed.consts], flat)
+    return Lines(tuple(writer.assignments), tuple(results))
+
+
+def _refusal(model: str, language: str, why: str) -> str:
+    return f"Model {model!r} has {why}, which are not written as {language} yet; export --to csv or control instead."
+
+
+class _Writer:
+    def __init__(self, model: str, language: str, words: dict[str, str]):
+        self.model, self.language, self.words = model, language, words
+        self.assignments: list[tuple[str, str]] = []
+
+    def number(self, value: Any) -> str:
+        array = np.asarray(value)
+        if array.size != 1:
+            raise ModelError(_refusal(self.model, self.language, "tables or arrays"))
+        if array.dtype == bool:
+            return ("1" if array.item() else "0") if self.language != "python" else str(array.item())
+        text = repr(float(array.item()))
+        if text in ("inf", "-inf", "nan"):
+            raise ModelError(_refusal(self.model, self.language, f"the number {text}"))
+        return f"({text})" if text.startswith("-") else text
+
+    def write(self, jaxpr: Any, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
+        known = dict(zip((*jaxpr.constvars, *jaxpr.invars), (*constants, *inputs), strict=True))
+
+        def read(atom: Any) -> str:
+            return self.number(atom.val) if isinstance(atom, core.Literal) else known[atom]
+
+        for equation in jaxpr.eqns:
+            values, name = [read(v) for v in equation.invars], equation.primitive.name
+            inner = equation.params.get("jaxpr") or equation.params.get("call_jaxpr")
+            if inner is not None and name not in ("scan", "while", "cond"):
+                closed = hasattr(inner, "consts")
+                results = self.write(inner.jaxpr if closed else inner, [self.number(c) for c in inner.consts] if closed else [], values)
+            else:
+                results = [self.assigned(self.expression(equation, name, values))]
+            known.update(zip(equation.outvars, results, strict=True))
+        return [read(v) for v in jaxpr.outvars]
+
+    def expression(self, equation: Any, name: str, values: Sequence[str]) -> str:
+        if name not in self.words or any(v.aval.size != 1 for v in (*equation.invars, *equation.outvars)):
+            raise ModelError(_refusal(self.model, self.language, f"operations on arrays or tables ({name})"))
+        if name == "select_n" and len(values) != 3:
+            raise ModelError(_refusal(self.model, self.language, "choices of more than two"))
+        return self.words[name].format(*values, y=equation.params.get("y"))
+
+    def assigned(self, expression: str) -> str:
+        name = f"v{len(self.assignments)}"
+        self.assignments.append((name, expression))
+        return name

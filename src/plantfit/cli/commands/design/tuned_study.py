@@ -1,0 +1,104 @@
+"""What `plantfit tune` and `plantfit export --to` share: the finished study of a study file, wishes from the command line, files."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plantfit.errors import SpecError, StoreError
+from plantfit.spec.tables import SpecTable, validated
+
+if TYPE_CHECKING:
+    from plantfit.answer import Answer
+    from plantfit.controllers import Controller
+
+
+def read_tables(spec: str) -> SpecTable:
+    """The tables of a study file; nothing heavy is imported. Raises SpecError."""
+    from plantfit.spec.reading import read_text
+
+    return validated(read_text(Path(spec)), Path(spec))
+
+
+def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) -> tuple[SpecTable, dict[str, Any]]:
+    """The study file's tables, and the wishes with the set point of "T1=60 degC" and the output that it names."""
+    table, found = read_tables(spec), dict(wishes)
+    for text in set_points:
+        name, sign, value = text.partition("=")
+        if sign and found.get("output") not in (None, name.strip()):
+            raise SpecError(f"--set-point {text!r} names {name.strip()!r}, but the output is {found['output']!r}; tune one loop at a time.")
+        if sign:
+            found["output"] = name.strip()
+        found["set_point"] = value if sign else text
+    if len(set_points) > 1:
+        raise SpecError(f"--set-point is given {len(set_points)} times; tune one loop at a time.")
+    return table, found
+
+
+def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
+    """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was another problem."""
+    from plantfit.study import Store
+    from plantfit.study.store.addresses import shown
+
+    where = "" if store == "plantfit.db" else f" --store {store}"
+    try:
+        opened = Store.open(store, create=False)
+    except StoreError as error:
+        if "://" not in store and not Path(store).exists():
+            raise StoreError(
+                f"There is no store {store} here, so the study {table.name!r} has not been run; run it first: `plantfit run {spec}{where}`."
+            ) from None
+        raise error
+    records = [r for r in opened.studies() if (r.id == number if number is not None else r.name == table.name)]
+    if not records:
+        raise StoreError(
+            f"{shown(store)} holds no study {number if number is not None else repr(table.name)}; run it first: `plantfit run "
+            f"{spec}{where}`."
+        )
+    record = records[-1]
+    if record.runs_done == 0:
+        raise StoreError(f"Study {record.id} ({record.name}) has no finished run yet; go on with `plantfit resume {record.id}{where}`.")
+    if record.spec_text and record.name == table.name:
+        stored = validated(record.spec_text, spec)
+        changed = [n for n in ("model", "parameters", "recording") if getattr(stored, n) != getattr(table, n)]
+        if changed:
+            raise StoreError(
+                f"{spec} has another [{changed[0]}] than study {record.id} in {shown(store)} was run with; run it again: "
+                f"`plantfit run {spec}{where}`."
+            )
+    from plantfit.reopen import open_study
+
+    return open_study(record.id, opened)
+
+
+def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: Path) -> list[Path]:
+    """Page, JSON and C files of a controller."""
+    from plantfit.cli.terminal.out import plain
+    from plantfit.report.controller_page import write_controller_page
+
+    folder.mkdir(parents=True, exist_ok=True)
+    c = found.to_c(folder)
+    data = page.with_suffix(".json")
+    data.write_text(json.dumps(plain(dict(record)), indent=1, allow_nan=False) + "\n", "utf-8")
+    return [write_controller_page(record, found.curves, page), data, c.source, c.header]
+
+
+def show(record: Mapping[str, Any]) -> None:
+    """Verdict, wishes and the table on the terminal."""
+    from plantfit.cli.terminal.out import out, verdict
+    from plantfit.report.controller_page import COLUMNS, asked, reduction, table_rows
+
+    verdict(dict(record))
+    best = record["controllers"][0]
+    out.print(
+        f"PID: Kp {best['Kp']:.6g}, Ki {best['Ki']:.6g} /s, Kd {best['Kd']:.6g} s, b {best['b']:.3g}, filter {best['filter_time']:.3g} s",
+        markup=False,
+    )
+    for sentence in asked(record):
+        out.print(f"  {sentence}", markup=False)
+    rows = [COLUMNS, *table_rows(record)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
+    for row in rows:  # whole also where it is wider than the terminal
+        cells = [cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        out.print("  ".join(cells), markup=False)
+    out.print(reduction(record), markup=False)

@@ -1,0 +1,111 @@
+"""Frequency responses of sampled loops with dead time kept exact, and the margins that they show."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from plantfit.control.tune.one_loop import Rest
+
+ROUNDING = 1e-9  # of a sample
+
+
+class Margins(NamedTuple):
+    """Of each of n loops: `ms` the largest |1/(1 + L)|, `mt` the largest |L/(1 + L)|, `gain` margin (a factor; inf without a phase
+    crossing), `phase` margin (deg; inf without a gain crossing), `stable`, by the encirclements of -1."""
+
+    ms: np.ndarray
+    mt: np.ndarray
+    gain: np.ndarray
+    phase: np.ndarray
+    stable: np.ndarray
+
+
+def frequencies(period: float, slowest: float, count: int) -> np.ndarray:
+    """Angular frequencies (count,) in rad/s from a thousandth of 1/`slowest` (s) to that of half the sampling."""
+    return np.geomspace(1e-3 / slowest, np.pi / period, count)
+
+
+def continuous_response(rest: Rest, w: np.ndarray) -> np.ndarray:
+    """G(jw) (n, F) of every plant, dead time as e^(-jw L), at w (F,) in rad/s."""
+    s = 1j * w
+    drive = np.einsum("ncs,ncf->nfs", rest.B, np.exp(-rest.late[:, :, None] * s))
+    size = rest.A.shape[-1]
+    x = np.linalg.solve(s[None, :, None, None] * np.eye(size) - rest.A[:, None], drive[..., None])[..., 0]
+    return np.einsum("ns,nfs->nf", rest.C, x) + rest.D[:, None]
+
+
+def sampled_response(rest: Rest, period: float, w: np.ndarray) -> np.ndarray:
+    """H(e^(jwh)) (n, F) of every plant with its input held over `period` h (s), dead time exact also between samples.
+
+        H = C (z - Phi)^-1 sum of z^-d (Gamma((1-f) h) + z^-1 e^(A (1-f) h) Gamma(f h)),   L = (d + f) h
+
+    for every way of the input. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3.
+    """
+    n, ways, size = rest.B.shape
+    z = np.exp(1j * w * period)
+    counts = rest.late / period
+    whole = np.floor(counts + ROUNDING)
+    share = np.maximum(counts - whole, 0.0)
+    phi, _ = _held(rest.A, rest.B[:, :1], np.full((n, 1), period))
+    late, first = _held(rest.A, rest.B, (1.0 - share) * period)
+    _, second = _held(rest.A, rest.B, share * period)
+    drive = np.zeros((n, len(w), size), complex)
+    for k in range(ways):
+        back = z[None, :] ** -whole[:, k, None]
+        over = np.einsum("nij,nj->ni", late[:, k], second[:, k])
+        drive += back[..., None] * (first[:, k, None, :] + over[:, None, :] / z[None, :, None])
+    x = np.linalg.solve(z[None, :, None, None] * np.eye(size) - phi[:, 0][:, None], drive[..., None])[..., 0]
+    return np.einsum("ns,nfs->nf", rest.C, x) + rest.D[:, None] / z[None, :]
+
+
+def _held(a: np.ndarray, b: np.ndarray, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """e^(A t) (n, c, s, s) and Gamma(t) = int_0^t e^(A s) ds B (n, c, s)."""
+    n, ways, size = b.shape
+    big = np.zeros((n, ways, size + 1, size + 1))
+    big[..., :size, :size] = a[:, None]
+    big[..., :size, size] = b
+    found = scipy.linalg.expm(big * seconds[..., None, None])
+    return found[..., :size, :size], found[..., :size, size]
+
+
+def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
+    """C(e^(jwh)) of `control.pid` from the error, gains as arrays that broadcast against w (F,)."""
+    back = xp.exp(-1j * w * period)
+    integral = gains.Ki * (0.5 * period) * (1.0 + back) / (1.0 - back)
+    return gains.Kp + integral + gains.Kd * (1.0 - back) / (gains.filter_time * (1.0 - back) + period)
+
+
+def margins(loop: np.ndarray, w: np.ndarray, integrators: int) -> Margins:
+    """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
+    `integrators` at 1.
+
+    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator if the closed loop is stable,
+    and by pi less for each pole outside (the argument principle: closed over open characteristic polynomial).
+    """
+    distance = np.abs(1.0 + loop)
+    with np.errstate(all="ignore"):
+        ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
+    turned = np.unwrap(np.angle(1.0 + loop), axis=1)
+    # before the first frequency 1 + L comes from the direction of (j w)^-integrators, up to the sign of its gain, which is positive
+    begin = np.angle(1.0 + loop[:, 0]) - (-0.5 * np.pi * integrators)
+    begin = (begin + np.pi) % (2 * np.pi) - np.pi
+    outside = np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
+    gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
+    angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
+    for i in range(len(loop)):
+        turns = np.floor((angle[i] + np.pi) / (2 * np.pi))  # changes where the angle passes an odd multiple of pi
+        at = np.flatnonzero(turns[1:] != turns[:-1])
+        if len(at):
+            line = (np.maximum(turns[at], turns[at + 1]) * 2 - 1) * np.pi
+            part = (line - angle[i, at]) / (angle[i, at + 1] - angle[i, at])
+            factors = np.exp(-(size[i, at] + part * (size[i, at + 1] - size[i, at])))
+            gain[i] = np.min(factors[factors > 1.0], initial=np.inf) if outside[i] == 0 else np.min(factors)
+        at = np.flatnonzero((size[i, 1:] <= 0) != (size[i, :-1] <= 0))
+        if len(at):
+            part = -size[i, at] / (size[i, at + 1] - size[i, at])
+            crossing = angle[i, at] + part * (angle[i, at + 1] - angle[i, at])
+            phase[i] = np.degrees(np.min(np.abs((crossing + np.pi + np.pi) % (2 * np.pi) - np.pi)))
+            if outside[i] != 0:
+                phase[i] = -phase[i]
+    return Margins(ms, mt, gain, phase, outside == 0)

@@ -1,0 +1,226 @@
+"""One output of a model and one input that drives it: where it rests, its matrices there with dead time kept apart, its loop."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SimulationError
+from plantfit.models.model import Declared, Model, Named
+from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, closed_loop
+from plantfit.simulate.loop.sensors import Sensor
+from plantfit.simulate.steps.vector import VectorModel, vectorise
+
+import jax
+import jax.numpy as jnp
+
+LOAD, REST = "load at the input", "input at rest"
+SUBSTEPS = 4  # of a period, where the model is not linear
+ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Where each of n plants rests at one level of the output, and its matrices there.
+
+    x (n, s) states; u (n,) input, NaN where none holds the level. A (n, s, s), C (n, s), D (n,); B (n, c, s) one row for each of
+    the c ways that the input takes, at once or `late` (n, c) seconds.
+    """
+
+    x: np.ndarray
+    u: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    late: np.ndarray
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all other channels."""
+
+    vector: VectorModel
+    ways: tuple[int, ...]
+    held: tuple[float, ...]
+    output: int
+
+    def _channels(self, ways: Any) -> tuple[Any, ...]:
+        values: list[Any] = list(self.held)
+        for k, place in enumerate(self.ways):
+            values[place] = ways[k]
+        return tuple(values)
+
+    def rate(self, x: Any, ways: Any, p: Any) -> Any:
+        return jnp.stack(self.vector.rate(tuple(x), self._channels(ways), p))
+
+    def out(self, x: Any, ways: Any, p: Any) -> Any:
+        return self.vector.output(tuple(x), self._channels(ways), p)[self.output]
+
+
+@partial(jax.jit, static_argnums=0)
+def _solved(key: Equations, begin: Any, level: Any, rows: Any) -> Any:
+    """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations (starts, n)."""
+    ways, n = len(key.ways), len(key.vector.states)
+
+    def equations(z, p):
+        x, u = z[:n], jnp.full(ways, z[n])
+        return jnp.append(key.rate(x, u, p), key.out(x, u, p) - level)
+
+    def solved(z, p):
+        size = jnp.maximum(jnp.linalg.norm(jax.jacfwd(equations)(z, p), axis=1), 1e-300)
+
+        def left(z):
+            return jnp.linalg.norm(equations(z, p) / size)
+
+        def step(z, _):
+            move = jnp.linalg.lstsq(jax.jacfwd(equations)(z, p) / size[:, None], equations(z, p) / size)[0]
+            tried = jnp.stack([z - f * move for f in FACTORS] + [z])
+            return tried[jnp.nanargmin(jax.vmap(left)(tried))], None
+
+        z = jax.lax.scan(step, z, None, length=ROUNDS)[0]
+        return z, left(z) / (1.0 + jnp.linalg.norm(z))
+
+    return jax.vmap(jax.vmap(solved, (None, 0)), (0, None))(begin, rows)
+
+
+@partial(jax.jit, static_argnums=0)
+def _local(key: Equations, x: Any, u: Any, rows: Any) -> Any:
+    """A, B, C, D of every plant."""
+
+    def one(x, u, p):
+        each = jnp.full(len(key.ways), u)
+        a, b = jax.jacfwd(key.rate, (0, 1))(x, each, p)
+        c, d = jax.jacfwd(key.out, (0, 1))(x, each, p)
+        return a, b.T, c, d[0]
+
+    return jax.vmap(one)(x, u, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class OneLoop:
+    """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the first the best fit.
+
+    Raises SimulationError for a model without states or one that is not smooth.
+    """
+
+    model: Model
+    output: str
+    input: str
+    others: Mapping[str, float]
+    plants: Mapping[str, np.ndarray]
+
+    def __post_init__(self) -> None:
+        if not self.model.states:
+            raise SimulationError(f"The model {self.model.name!r} is static: nothing in it takes time, so there is no loop to tune.")
+        if not self.model.smooth:
+            raise SimulationError(
+                f"The model {self.model.name!r} has events, dry friction, backlash or late states, which a tuned loop does not follow; "
+                "identify it with smooth equations, such as smooth_sign(w, w0) for friction."
+            )
+        late = [d.input for d in self.model.delays if d.input != self.input]
+        if late:
+            raise SimulationError(
+                f"The model {self.model.name!r} delays {late[0]!r}, which this loop holds; choose {late[0]!r} as the input, or identify a "
+                "model without that delay."
+            )
+
+    @property
+    def count(self) -> int:
+        """How many plants there are, n."""
+        return len(next(iter(self.plants.values())))
+
+    @cached_property
+    def vector(self) -> VectorModel:
+        return vectorise(self.model)
+
+    @cached_property
+    def key(self) -> "Equations":
+        """What is compiled once for all plants of one loop."""
+        ways = tuple(self.vector.channels.index(n) for n in (self.input, *(d.channel for d in self.model.delays)))
+        held = tuple(float(self.others.get(n, 0.0)) for n in self.vector.channels)
+        return Equations(self.vector, ways, held, self.vector.outputs.index(self.output))
+
+    def part(self, rows: Any) -> "OneLoop":
+        """The same of some of the plants."""
+        found = replace(self, plants={n: np.asarray(v)[rows] for n, v in self.plants.items()})
+        found.__dict__.update(vector=self.vector, key=self.key)  # compiled functions are found by them
+        return found
+
+    def _p(self, plants: Mapping[str, Any]) -> tuple[Any, ...]:
+        return tuple(jnp.asarray(plants[n], dtype=float) for n in self.vector.parameters)
+
+    def at_rest(self, level: float, inputs: tuple[float, ...]) -> Rest:
+        """Every plant at rest where its output is `level`, by Newton's method begun at each of the `inputs`; of several the one nearest
+        to the middle of them."""
+        n = len(self.vector.states)
+        begin = np.stack([np.append(self._start(level, u), u) for u in inputs])
+        found, error = _solved(self.key, begin, float(level), self._p(self.plants))
+        found, error = np.asarray(found), np.asarray(error)  # (starts, plants, n + 1), (starts, plants)
+        far = np.where(error < 1e-8, np.abs(found[..., n] - np.median(inputs)), np.inf)
+        best, every = np.argmin(far, axis=0), np.arange(self.count)
+        z = np.where(np.isfinite(far[best, every])[:, None], found[best, every], np.nan)
+        return self._matrices(z[:, :n], z[:, n])
+
+    def _start(self, level: float, u: float) -> np.ndarray:
+        """States to begin the search of a rest from: those that the model begins with where it measures the level."""
+        states = self.vector.states
+        if self.model.initial_state is None:
+            return np.array([level if s == self.output else 0.0 for s in states])
+        p = {n: jnp.asarray(v[0], dtype=float) for n, v in self.plants.items()}
+        given = {n: jnp.asarray(u if n == self.input else self.others.get(n, 0.0)) for n in self.model.inputs}
+        measured = {n: jnp.asarray(level if n == self.output else 0.0) for n in self.vector.outputs}
+        found = self.model.initial_state(p, given, measured)
+        return np.nan_to_num(np.array([float(found[s]) for s in states]))
+
+    def _matrices(self, x: np.ndarray, u: np.ndarray) -> Rest:
+        a, b, c, d = (np.asarray(v) for v in _local(self.key, x, u, self._p(self.plants)))
+        return Rest(x, u, a, b, c, d, self._late(u))
+
+    def _late(self, u: np.ndarray) -> np.ndarray:
+        """Seconds (n, c) of every way of the input."""
+        columns = [np.zeros(self.count)]
+        for delay in self.model.delays:
+            values = np.asarray(self.plants[delay.parameter], dtype=float)
+            table = next((t for t in self.model.tables if t.name == delay.parameter), None)
+            columns.append(values if table is None else np.asarray(jax.vmap(table)(jnp.asarray(values), jnp.asarray(u))))
+        return np.stack(columns, axis=1)
+
+    def longest(self) -> float:
+        """The longest dead time (s) of all plants, anywhere in a table of it."""
+        times = [float(np.max(self.plants[d.parameter])) for d in self.model.delays]
+        return max([0.0, *times])
+
+    def closed(self, controller: Controller, period: float, quantum: float = 0.0) -> ClosedLoop:
+        """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the dead time."""
+        model, places = self.model, [self.input, *(d.channel for d in self.model.delays)]
+
+        def moved(u: Named, p: Named) -> Named:
+            return {**u, **{n: u[n] + p[REST] + u[LOAD] for n in places}}
+
+        def derivative(x: Named, u: Named, p: Named) -> Named:
+            assert model.derivative is not None
+            return model.derivative(x, moved(u, p), p)
+
+        def output(x: Named, u: Named, p: Named) -> Named:
+            return model.output(x, moved(u, p), p)
+
+        unit = model.inputs[self.input]
+        driven = replace(
+            model, derivative=derivative, output=output, inputs={**model.inputs, LOAD: unit}, parameters=(*model.parameters,
+            Declared(REST, unit)), initial_state=None, text=None,
+        )  # fmt: skip
+        longest = self.longest() + period if model.delays else None
+        return closed_loop(
+            driven,
+            controller,
+            period=period,
+            output=self.output,
+            input=self.input,
+            sensor=Sensor(quantum=quantum),
+            longest_delay=longest,
+            substeps=SUBSTEPS,
+        )

@@ -1,0 +1,136 @@
+"""What a PID that was tuned on a family of plants is worth, as sentences and as a plain record."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from plantfit.control.tune.frequency import frequencies, pid_response, sampled_response
+from plantfit.control.tune.pid_design import BEST_FIT, FINE, ROBUST, PidDesign, Row, isa_of, slowest
+
+FEW = 40  # plants drawn as lines
+POINTS = 400  # of a curve in the record
+SLOWER = 1.5  # times the IAE of the best fit's own tuning: the price of not knowing the plant that is told
+CLEAR = 0.3  # share of the variance that a parameter has to explain to be named
+
+
+def verdict(design: PidDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[dict[str, str]]:
+    """Sentences with a level; `names` are the free parameters (n,) of the family by name."""
+    wishes, best, alone = design.wishes, design.best, design.row(BEST_FIT)
+    n = design.family.count
+    kept = np.asarray(design.judged.kept)
+    over, ms = design.judged.scores.overshoot[0] <= wishes.overshoot, design.judged.ms[0] <= wishes.ms
+    told = []
+
+    def say(level: str, sentence: str) -> None:
+        told.append({"level": level, "sentence": sentence})
+
+    beside = "" if alone is None else f"; tuned on the best fit alone: {_percent(alone.share)}"
+    say(
+        "good" if design.promised else "bad",
+        f"Of {n} plants {how}, {_percent(best.share)} overshoot under {wishes.overshoot:g} % with Ms under {wishes.ms:g}{beside}.",
+    )
+    unstable = int(np.sum(~design.judged.stable[0]))
+    if unstable:
+        say("bad", f"{unstable} of the {n} loops are unstable.")
+    if design.right_sign < 1:
+        say(
+            "bad",
+            f"{_percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one sign can hold.",
+        )
+    if design.held < 1:
+        say(
+            "warning",
+            f"On {_percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} do not "
+            f"hold the set point "
+            "under the load: widen them, or choose a lower one.",
+        )
+    if not design.promised:
+        parts = [] if np.all(over) else [f"overshoot holds on {_percent(float(np.mean(over)))}"]
+        parts += [] if np.all(ms) else [f"Ms on {_percent(float(np.mean(ms)))}"]
+        near = design.judged.scores.left[0] <= wishes.settled
+        parts += (
+            [] if np.all(near) else [f"{_percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
+        )
+        why = f" ({', '.join(parts)})" if parts else ""
+        say("bad", f"{_percent(wishes.share)} were asked for{why}: measure this first, or ask for less.{_first(design, names, ~kept[0])}")
+    elif alone is not None and best.scores.iae > SLOWER * alone.scores.iae:
+        say(
+            "info",
+            f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} times slower on the best fit "
+            f"than tuning on it "
+            f"alone would.{_first(design, names, None)}",
+        )
+    rules = [r for r in design.rows if r.name not in (ROBUST, BEST_FIT) and r.share >= wishes.share]
+    if rules and design.promised:
+        first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
+        ratio = first.scores.iae / best.scores.iae
+        say("info", f"Of the rules {first.name} keeps it too, its step takes {ratio:.2f} times the IAE ({first.scores.iae:.4g} s)." if
+        np.isfinite(ratio) else f"Of the rules {first.name} keeps it too.")  # fmt: skip
+    return told
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share in (0.0, 1.0) or 0.005 <= share <= 0.995 else f"{100 * share:.1f} %"
+
+
+def _first(design: PidDesign, names: Mapping[str, np.ndarray], failed: np.ndarray | None) -> str:
+    """Which parameter the spread of the loops comes from, by the rank correlation with Ms."""
+    target = np.argsort(np.argsort(np.nan_to_num(design.judged.ms[0], posinf=1e9)))
+    shares = {}
+    for name, values in names.items():
+        if np.ptp(values) > 0:
+            shares[name] = float(np.corrcoef(np.argsort(np.argsort(values)), target)[0, 1]) ** 2
+    if not shares:
+        return ""
+    name = max(shares, key=lambda n: shares[n])
+    if not shares[name] > CLEAR:
+        return " No single parameter is to blame; a longer recording with a livelier input serves (plantfit excite)."
+    return f" {_percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit excite), or state it."
+
+
+def table(design: PidDesign) -> list[dict[str, Any]]:
+    """A plain row for each controller."""
+    return [_plain_row(design, i, r) for i, r in enumerate(design.rows)]
+
+
+def _plain_row(design: PidDesign, i: int, row: Row) -> dict[str, Any]:
+    isa, s, m = isa_of(row.gains), row.scores, row.margins
+    return {
+        "name": row.name, "source": row.source, "Kp": float(row.gains.Kp), "Ki": float(row.gains.Ki), "Kd": float(row.gains.Kd),
+        "K": float(isa.K), "Ti": float(isa.Ti), "Td": float(isa.Td), "b": float(row.gains.b), "filter_time": float(row.gains.filter_time),
+        "iae": s.iae, "overshoot": s.overshoot, "settling": s.settling, "load_iae": s.load_iae, "load_peak": s.load_peak,
+        "travel": s.travel,
+        "ms": m.ms, "mt": m.mt, "gain_margin": m.gain, "phase_margin": m.phase, "stable": bool(m.stable),
+        "input_noise": float(design.judged.input_noise[i, 0]), "share": row.share, "stable_share": float(np.mean(design.judged.stable[i])),
+        "worst": dict(row.worst),
+    }  # fmt: skip
+
+
+def curves(design: PidDesign, seed: int = 0) -> dict[str, Any]:
+    """Step responses and sensitivities of the family: bands (5, 50, 95 %), some lines, the best fit, and the tuning on the best fit
+    alone."""
+    wishes, found = design.wishes, {}
+    slow = slowest(design.reduced)
+    w = frequencies(wishes.period, slow, FINE)
+    w = w[w >= 1e-2 / slow]
+    h = sampled_response(design.rest, wishes.period, w)
+    some = np.unique(np.r_[0, np.linspace(0, design.family.count - 1, FEW).round().astype(int)])
+    for name in (ROBUST, BEST_FIT):
+        row = design.row(name)
+        assert row is not None
+        seen = design.judge.responses(row.gains)
+        at = np.unique(np.linspace(0, len(seen["t"]) - 1, POINTS).round().astype(int))
+        loop = pid_response(row.gains, wishes.period, w)[None, :] * h
+        s = np.abs(1.0 / (1.0 + loop))
+        few = np.unique(np.linspace(0, len(w) - 1, POINTS // 2).round().astype(int))
+        found[name] = {
+            "t": seen["t"][at], "y": _bands(seen["y"][:, at]), "u": _bands(seen["u"][:, at]), "y_lines": seen["y"][some][:, at],
+            "w": w[few], "sensitivity": _bands(s[:, few]), "nyquist": loop[some][:, few],
+        }  # fmt: skip
+    return found
+
+
+def _bands(values: np.ndarray) -> dict[str, np.ndarray]:
+    low, middle, high = np.nanquantile(np.where(np.isfinite(values), values, np.nan), (0.05, 0.5, 0.95), axis=0)
+    return {"low": low, "middle": middle, "high": high, "best": values[0]}

@@ -1,0 +1,321 @@
+"""From an answer to a controller: `tune` asks for nothing that the study knows."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit import units
+from plantfit.answer import Answer
+from plantfit.control.pid import Gains
+from plantfit.control.tune.one_loop import OneLoop
+from plantfit.control.tune.pid_design import MOST_SAMPLES, PidDesign, Wishes, course_seconds, tuned_pid
+from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
+from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.told import curves, table, verdict
+from plantfit.errors import ModelError, SimulationError, SpecError, UnitError
+from plantfit.models.model import Model
+from plantfit.spec.tables import ControlTable, validated
+from plantfit.trust.plausible import Plausible, plausible
+
+if TYPE_CHECKING:
+    from plantfit.control.c_export import CFiles
+
+TRAIN = 80  # plants that gains are searched on; others judge them
+SHARES = (0.2, 0.35, 0.5, 0.8, 0.1, 0.05)  # of the recorded range of the output: steps that are proposed
+RESOLVED = 5.0  # steps of the sensor that a proposed step of the set point has at least, where the range is as large
+LOADS = (0.1, 0.05, 0.02)  # of the input's range
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """A tuned PID: `gains` in parallel form, `design` with all that it was judged by, `proposed` what was not asked for and where it is
+    from.
+
+    `record` is plain data for JSON; `verdict` its sentences.
+    """
+
+    answer: Answer
+    design: PidDesign
+    drawn: Plausible
+    proposed: Mapping[str, str]
+    output: str
+    input: str
+
+    @property
+    def gains(self) -> Gains:
+        """Of the PID tuned on all plants; parallel form, in the study's units."""
+        return self.design.best.gains
+
+    @property
+    def verdict(self) -> list[dict[str, str]]:
+        """Sentences with a level, good, info, warning or bad."""
+        n = self.design.family.count
+        free = {name: self.drawn.values[-n:, i] for i, name in enumerate(self.drawn.names)} if len(self.drawn.values) >= n else {}
+        told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n})
+        if self.drawn.open:
+            more = f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
+            told.append({"level": "warning", "sentence": f"{more}: the plants spread over the whole range that the data allow."})
+        return told
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Everything but the curves, JSON types only (docs/tuning-controllers.md)."""
+        d, model = self.design, self.design.family.model
+        wishes = {k: v for k, v in d.wishes.__dict__.items()}
+        _, lag, dead = d.reduced.first_order
+        return {
+            "name": self.answer.problem.name,
+            "output": {"name": self.output, "unit": model.outputs[self.output]},
+            "input": {"name": self.input, "unit": model.inputs[self.input]},
+            "others": dict(d.family.others),
+            "wishes": wishes,
+            "proposed": dict(self.proposed),
+            "plants": d.family.count,
+            "not_determined": list(self.drawn.open),
+            "reduced": {
+                "how": d.reduced.how, "gain": d.reduced.first_order[0], "lag": lag, "dead_time": dead, "integrating": d.reduced.integrating,
+                "second_order": list(d.reduced.second_order),
+            },
+            "held": d.held,
+            "promised": d.promised,
+            "controllers": table(d),
+            "verdict": self.verdict,
+        }  # fmt: skip
+
+    @property
+    def curves(self) -> dict[str, Any]:
+        """Responses and sensitivities of the family for figures: bands and lines, arrays by name."""
+        return curves(self.design)
+
+    def to_c(self, folder: str | Path, name: str | None = None, number: str = "double", **more: Any) -> "CFiles":
+        """The controller as NAME.h and NAME.c (`control.pid_to_c`)."""
+        from plantfit.control.c_export import pid_to_c
+
+        w, model = self.design.wishes, self.design.family.model
+        told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
+        first = self.verdict[0]["sentence"]
+        return pid_to_c(
+            self.gains, folder, period=w.period, lower=w.lower, upper=w.upper, anti_windup=w.anti_windup, number=number,
+            tracking_time=self.design.tracking_time, name=name or c_name(self.answer.problem.name),
+            units={k: v for k, v in told.items() if v}, note=f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        g = self.gains
+        gains = f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s, b {g.b:.3g}, filter {g.filter_time:.3g} s"
+        head = f"PID of {self.output} by {self.input}: {gains}"
+        return "\n".join([head, *(f"  {v['level']}: {v['sentence']}" for v in self.verdict)])
+
+
+def c_name(name: str) -> str:
+    """A study's name as a name of C."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "controller"
+    return f"{word if word[0].isalpha() else f'c_{word}'}_pid"
+
+
+def tune(
+    answer: Answer,
+    *,
+    budget: int = 400,
+    seed: int = 1,
+    progress: Callable[[Any], None] | None = None,
+    control: Mapping[str, Any] | None = None,
+    **wishes: Any,
+) -> Controller:
+    """A PID for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
+
+    `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units or texts with a
+    unit, such as set_point="60 degC", output="T1", controller="pi", plants=500. They count before `control`, the table itself, by
+    default that of the answer's study file; what both leave out is proposed. Raises SimulationError for a plant that cannot be tuned so,
+    SpecError and UnitError for wishes.
+    """
+    chosen = _table(answer, control, wishes)
+    model = answer.problem.model
+    if not isinstance(model, Model):
+        raise ModelError("A regression has no plant to control; identify a model with states.")
+    output, input_ = _signal("output", chosen.output, tuple(model.outputs)), _signal("input", chosen.input, tuple(model.inputs))
+    recording = _recording(answer, chosen.recording)
+    count = chosen.plants or 200
+    drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], count + TRAIN, seed)
+    loop = OneLoop(model, output, input_, _others(answer, model, input_, chosen, recording), _plants(answer, drawn, recording))
+    proposed: dict[str, str] = {}
+    final = _wishes(answer, loop, chosen, recording, proposed)
+    train, fresh = np.arange(0, TRAIN + 1), np.r_[0, np.arange(TRAIN + 1, TRAIN + count)]
+    design = tuned_pid(loop.part(train), loop.part(fresh), final, budget=budget, seed=seed, progress=progress)
+    judged = replace(drawn, values=drawn.values[fresh][design.rows_used])
+    return Controller(answer, design, judged, proposed, output, input_)
+
+
+def _table(answer: Answer, control: Mapping[str, Any] | None, wishes: Mapping[str, Any]) -> ControlTable:
+    if control is None:
+        table = validated(answer.spec, Path("study.toml")).control if answer.spec else ControlTable.model_validate({})
+        control = table.model_dump(exclude_unset=True)
+    given = {**control, **{k: v for k, v in wishes.items() if v is not None}}
+    unknown = [k for k in given if k not in ControlTable.model_fields]
+    if unknown:
+        raise SpecError(f"tune() does not know {unknown[0]!r}; it takes {', '.join(ControlTable.model_fields)}.")
+    try:
+        return ControlTable.model_validate(given)
+    except ValueError as error:
+        first = error.errors()[0]  # type: ignore[attr-defined]  (pydantic's)
+        raise SpecError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r} cannot be used: {first['msg'].lower()}.") from None
+
+
+def _signal(what: str, chosen: str | None, names: tuple[str, ...]) -> str:
+    if chosen is None:
+        if len(names) == 1:
+            return names[0]
+        raise SpecError(
+            f"The model has the {what}s {', '.join(names)}, and one loop has one; name it in the study file ([control] {what} = "
+            f'"{names[0]}"), or with --{what} {names[0]}.'
+        )
+    if chosen not in names:
+        raise SpecError(f"There is no {what} {chosen!r}; the model has {', '.join(names)}.")
+    return chosen
+
+
+def _recording(answer: Answer, chosen: str | None) -> str:
+    known = list(answer.problem.experiments)
+    if chosen is not None and chosen not in known:
+        raise SpecError(f"There is no recording {chosen!r}; the study has {', '.join(known)}.")
+    fitted = [n for n in known if answer.problem.experiments[n].fit is not None]
+    return chosen or (fitted or known)[0]
+
+
+def _others(answer: Answer, model: Model, input_: str, chosen: ControlTable, recording: str) -> dict[str, float]:
+    """The inputs that the loop does not drive, held as asked for, else at the median of the recording."""
+    unknown = [n for n in chosen.inputs if n not in model.inputs or n == input_]
+    if unknown:
+        raise SpecError(f"[control] inputs names {unknown[0]!r}; the other inputs are {[n for n in model.inputs if n != input_]}.")
+    found = {}
+    for name, unit in model.inputs.items():
+        if name == input_:
+            continue
+        given = chosen.inputs.get(name)
+        values = answer.problem.experiments[recording].recording[name]
+        found[name] = float(np.nanmedian(values)) if given is None else in_unit(f"[control] inputs.{name}", given, unit)
+    return found
+
+
+def _plants(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.ndarray]:
+    """Parameters of all plants by name of the model, held and tied ones too."""
+    rows = [answer.problem.space.tree(values, recording) for values in drawn.values]
+    model = answer.problem.model
+    declared = {p.name: p.value for p in model.parameters}
+    found = {}
+    for p in model.parameters:
+        found[p.name] = np.stack([np.asarray(row[p.name] if p.name in row else declared[p.name], dtype=float) for row in rows])
+    return found
+
+
+def in_unit(place: str, value: float | str, unit: str | None, difference: bool = False) -> float:
+    """A number, or a text with a unit in that of the study; a temperature difference by its size."""
+    if not isinstance(value, str):
+        return float(value)
+    try:
+        number, given = units.quantity(value)
+    except UnitError as error:
+        try:
+            return float(value)
+        except ValueError:
+            raise UnitError(f"{place}: {error}") from None
+    if unit is None:
+        return number
+    try:
+        return number * units.factor(given, unit) if difference else float(units.convert(number, given, unit))
+    except UnitError as error:
+        raise UnitError(f"{place} = {value!r}: {error}") from None
+
+
+def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str, proposed: dict[str, str]) -> Wishes:
+    """All wishes in the study's units; `proposed` learns what was not asked for."""
+    model, output, input_ = loop.model, loop.output, loop.input
+    unit_y, unit_u = (None if unit == "1" else unit for unit in (model.outputs[output], model.inputs[input_]))
+    used = [e.recording for e in answer.problem.experiments.values()]
+    own = answer.problem.experiments[recording].recording
+
+    def given(name: str, unit: str | None, difference: bool = False) -> float | None:
+        value = getattr(chosen, name)
+        return None if value is None else in_unit(f"[control] {name}", value, unit, difference)
+
+    u = np.concatenate([r[input_] for r in used])
+    limits = [given("lower", unit_u), given("upper", unit_u)]
+    for i, (name, end) in enumerate((("lower", np.nanmin), ("upper", np.nanmax))):
+        if limits[i] is None:
+            limits[i] = float(end(u))
+            proposed[name] = f"{limits[i]:.5g} {unit_u or ''}, the {'lowest' if i == 0 else 'highest'} {input_} of the recordings"
+    lower, upper = float(limits[0]), float(limits[1])  # type: ignore[arg-type]
+    if not lower < upper:
+        raise SimulationError(
+            f"The recordings have {input_} from {lower:g} to {upper:g} {unit_u or ''} only; give the actuator's limits "
+            f"([control] lower and upper)."
+        )
+    y = [r[output] for r in used if output in r.signals]
+    low, high = levels_of(y)
+    best = loop.part(slice(0, 1))
+    starts = (lower + 0.1 * (upper - lower), 0.5 * (lower + upper), upper)
+
+    def needs(level: float) -> float:
+        return float(best.at_rest(level, starts).u[0])
+
+    quantum, noise = given("quantum", unit_y, True), given("noise", unit_y, True)
+    if quantum is None:
+        quantum = quantum_of(own[output])
+        proposed["quantum"] = (
+            f"{quantum:.4g} {unit_y or ''}, the steps of the recorded {output}" if quantum else "0: the recorded sensor shows no steps"
+        )
+    if noise is None:
+        noise = noise_of(own[output])
+        proposed["noise"] = f"{noise:.4g} {unit_y or ''} from sample to sample of the recording"
+    level, step, load = given("set_point", unit_y), given("step", unit_y, True), given("load", unit_u, True)
+    span = high - low
+    levels = [level] if level is not None else [rounded(low + q * span, span) for q in (0.6, 0.5, 0.4, 0.7, 0.3, 0.8, 0.2, 0.9, 0.1)]
+    steps = [step] if step is not None else [rounded(s * q * span, q * span) for q in SHARES for s in (1, -1)]
+    loads = [load] if load is not None else [rounded(s * q * (upper - lower), q * (upper - lower)) for q in LOADS for s in (1, -1)]
+    steps = [s for s in steps if abs(s) >= RESOLVED * quantum] or sorted(steps, key=lambda s: -abs(s))
+    level, step, load = _first_held(levels, steps, loads, needs, lower, upper)
+    for name, value, unit, told in (
+        ("set_point", level, unit_y, f"where {output} was in the recordings and the limits hold it"),
+        ("step", step, unit_y, "a part of what the recordings cover"), ("load", load, unit_u, "a part of the input's range"),
+    ):  # fmt: skip
+        if getattr(chosen, name) is None:
+            proposed[name] = f"{value:.5g} {unit or ''}, {told}"
+    period = given("period", "s")
+    seconds = given("horizon", "s")
+    if period is None:
+        dt = float(np.median(np.diff(own.t)))
+        rest = best.at_rest(level, starts)
+        total = seconds or (course_seconds(reduced(rest, 0.5 * dt)) if np.all(np.isfinite(rest.A)) else dt)
+        times = max(1, int(total / dt / MOST_SAMPLES))
+        period = dt * times
+        proposed["period"] = (
+            f"{period:.6g} s, {'the sampling of the recording' if times == 1 else f'every {times}th sample of the recording'}"
+        )
+    standard = {"overshoot": 10.0, "ms": 1.6, "share": 0.95, "input_noise": 0.05, "anti_windup": "clamping"}
+    asked = {n: getattr(chosen, n) if getattr(chosen, n) is not None else v for n, v in standard.items()}
+    proposed.update({n: f"{v}" for n, v in standard.items() if getattr(chosen, n) is None})
+    return Wishes(level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=seconds, **asked)
+
+
+def _first_held(levels, steps, loads, needs, lower: float, upper: float) -> tuple[float, float, float]:
+    """The first set point, step and load that the limits hold; the first of all where none is."""
+    known: dict[float, float] = {}
+
+    def u(level):
+        if level not in known:
+            known[level] = needs(level)
+        return known[level]
+
+    for step in steps:
+        for level in levels:
+            if not (lower <= u(level) <= upper and lower <= u(level - step) <= upper):
+                continue
+            for load in loads:
+                if lower <= u(level) - load <= upper:
+                    return level, step, load
+    return levels[0], steps[0], loads[0]

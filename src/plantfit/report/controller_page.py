@@ -1,0 +1,121 @@
+"""A tuned controller as a page and as text, from plain records."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from plantfit.report.case_page import write_case_page
+from plantfit.report.figures.loops import loop_figure, nyquist_figure, sensitivity_figure
+
+Record = Mapping[str, Any]
+COLUMNS = (
+    "tuning", "K", "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot %", "IAE load", "Ms", "GM", "PM [deg]", "kept by",
+)  # fmt: skip
+_MARKS = {"good": "", "info": "", "warning": "Note: ", "bad": "Not met: "}
+
+
+def named(signal: Record) -> str:
+    """T1 [degC]"""
+    return f"{signal['name']} [{signal['unit']}]" if signal["unit"] else str(signal["name"])
+
+
+def table_rows(record: Record) -> list[tuple[str, ...]]:
+    """Texts of `COLUMNS` for each controller: figures of the best fit; `kept by` is the share of all plants."""
+    return [_row(r) for r in record["controllers"]]
+
+
+def _row(r: Record) -> tuple[str, ...]:
+    margins = (f"{r['ms']:.2f}", _number(r["gain_margin"], 2), _number(r["phase_margin"], 0)) if r["stable"] else ("unstable", "-", "-")
+    return (
+        r["name"], f"{r['K']:.4g}", f"{r['Ti']:.4g}", f"{r['Td']:.3g}", f"{r['b']:.2g}", f"{r['iae']:.4g}", f"{r['overshoot']:.1f}",
+        f"{r['load_iae']:.4g}", *margins, f"{100 * r['share']:.0f} %",
+    )  # fmt: skip
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if value is not None and value == value and abs(value) != float("inf") else "none"
+
+
+def asked(record: Record) -> list[str]:
+    """What the loop was asked for, with where it is from."""
+    w = record["wishes"]
+    y, u = (f" {record[k]['unit']}" if record[k]["unit"] not in (None, "", "1") else "" for k in ("output", "input"))
+    start = w["set_point"] - w["step"]
+    told = [
+        f"{record['output']['name']} from {start:.5g} to {w['set_point']:.5g}{y}, then a load of {w['load']:.4g}{u} at the input.",
+        f"At most {w['overshoot']:g} % overshoot and Ms {w['ms']:g} on {100 * w['share']:g} % of the plants; "
+        f"noise moves the input by at most {100 * w['input_noise']:g} % of its range.",
+        f"Sampled every {w['period']:.6g} s, {record['input']['name']} within {w['lower']:.5g} to {w['upper']:.5g}{u}.",
+    ]
+    if record["others"]:
+        told.append(f"Held: {', '.join(f'{n} = {v:.5g}' for n, v in record['others'].items())}.")
+    left = [f"{n} = {v}" for n, v in record["proposed"].items() if n not in ("overshoot", "ms", "share", "input_noise", "anti_windup")]
+    if left:
+        told += [f"Proposed: {text}." for text in left]
+    return told
+
+
+def reduction(record: Record) -> str:
+    """What the rules saw."""
+    r = record["reduced"]
+    what = "first order with dead time" if r["how"] == "as it is" else f"reduced to first order with dead time by {r['how']}"
+    if r["integrating"]:
+        return f"The rules saw the plant as an integrator ({r['gain']:.4g} per second) with dead time {r['dead_time']:.4g} s ({r['how']})."
+    return (
+        f"The rules saw the plant as {what}: gain {r['gain']:.4g}, lag {r['lag']:.4g} s, dead time {r['dead_time']:.4g} s, "
+        "half a sample in it."
+    )
+
+
+def sentences(record: Record) -> list[str]:
+    """The verdict as lines."""
+    return [_MARKS[v["level"]] + v["sentence"] for v in record["verdict"]]
+
+
+def write_controller_page(record: Record, curves: Mapping[str, Any], path: str | Path, files: Sequence[str] = ()) -> Path:
+    """Write the page of a tuned controller (`controllers.Controller.record` and `.curves`) to `path`; StoreError where that fails."""
+    best, w = record["controllers"][0], record["wishes"]
+    plants = f"{record['plants']} plants"
+    parallel = (
+        f"Kp {best['Kp']:.6g}, Ki {best['Ki']:.6g} /s, Kd {best['Kd']:.6g} s (parallel); K {best['K']:.6g}, Ti {best['Ti']:.6g} s, "
+        f"Td {best['Td']:.6g} s (ISA); set-point weight {best['b']:.3g}, derivative of the measurement filtered with "
+        f"{best['filter_time']:.3g} s."
+    )
+    rows = table_rows(record)
+    page = {
+        "title": f"Controller of {record['name']}",
+        "subtitle": f"{record['output']['name']} by {record['input']['name']}: PID on the plants that the data allow",
+        "sections": [
+            {"title": "Verdict", "sentences": [*sentences(record), parallel]},
+            {"title": "Asked for", "sentences": asked(record)},
+            {
+                "title": "Step and load",
+                "figures": [
+                    {
+                        "figure": loop_figure(curves, w, named(record["output"]), named(record["input"]), plants),
+                        "label": "output and input after a step of the set point and a load, over all plants",
+                    }
+                ],
+            },
+            {
+                "title": "Robustness",
+                "figures": [
+                    {"figure": sensitivity_figure(curves, w["ms"], plants), "label": "sensitivity over frequency"},
+                    {"figure": nyquist_figure(curves, w["ms"]), "label": "Nyquist curves with the circle of Ms"},
+                ],
+            },
+            {
+                "title": "Beside the rules",
+                "sentences": [reduction(record)],
+                "tables": [
+                    {
+                        "caption": "Figures of the best fit; kept by: share of all plants that keep overshoot and Ms",
+                        "columns": COLUMNS,
+                        "rows": rows,
+                        "note": "Sources: " + "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"][2:]) + ".",
+                    }
+                ],
+            },
+        ],
+    }
+    return write_case_page(page, path, files)

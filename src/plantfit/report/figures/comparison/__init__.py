@@ -1,0 +1,1 @@
+"""Figures of methods compared: answers, costs, curves."""

@@ -1,0 +1,139 @@
+"""Parameter values that the data allow: draws from the covariance of an answer, and over the ranges of what they leave open."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SearchError
+from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.linearised import linearise
+
+ROUNDS = 60  # of draws until enough of them are within limits
+WIDE = 0.5  # of a value: a standard error above it is drawn over the followed range, where a bell would leave it
+LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which draws of what is open are kept
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """`values` (n, d) in the parameters' units, the answer itself first; `open` names what was drawn over its range, `accepted` is the
+    share of those draws whose cost the data allow (1 where nothing is open)."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    open: tuple[str, ...]
+    accepted: float
+
+
+def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], count: int, seed: int = 1) -> Plausible:
+    """`count` draws around the cube point z (d,) and z itself; `rows` are the parameters of the findings at z.
+
+    What has a standard error is drawn from a normal distribution with the correlations of the linearised problem, in logarithms where the
+    search is in logarithms; stated errors of instruments widen it. What has none, or one above half of its value, is drawn
+    evenly over the range of the findings, all others moved with it as the linearised problem says, and a draw is kept where its cost is
+    one that draws of the determined parts have too. Physical limits cut both. Raises SearchError where hardly a draw is left.
+    """
+    space, rng = problem.space, np.random.default_rng(seed)
+    own = {r["name"]: r for r in rows}
+    values = np.asarray(space.physical(np.asarray(z)), dtype=float)
+    log = space.log & (values > 0)
+    size = np.where(log, values, 1.0)  # of a move of 1 in the coordinate that is drawn
+    local = linearise(problem, z)
+    error, wide = np.zeros(len(values)), np.zeros(len(values), bool)
+    low, high = values.copy(), values.copy()
+    for i, (name, c) in enumerate(zip(space.names, space.coordinates, strict=True)):
+        row = own.get(name, {})
+        stated = row.get("uncertainty") or {}
+        sd = stated.get("combined") or row.get("standard_error")
+        low[i] = c.lower if row.get("low") is None else row["low"]
+        high[i] = c.upper if row.get("high") is None else row["high"]
+        wide[i] = sd is None or not np.isfinite(sd) or row.get("open") is not None or (log[i] and sd > WIDE * abs(values[i]))
+        error[i] = 0.0 if wide[i] or sd is None else float(sd)
+    error = error / size
+    spread = _spread(local.covariance / size[:, None] / size[None, :], error)
+    limits = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
+    follow = _followers(problem, z, size, wide)
+    least = np.where(log & (low <= 0), 1e-3 * values, low)
+    here, *ends = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, high))
+    limits = np.where(wide[:, None], np.stack([np.maximum(low, limits[:, 0]), np.minimum(high, limits[:, 1])], axis=1), limits)
+
+    def drawn(n: int, with_open: bool) -> np.ndarray:
+        move = rng.standard_normal((n, len(values))) @ spread.T
+        if with_open and np.any(wide):
+            place = ends[0] + rng.uniform(size=(n, len(values))) * (ends[1] - ends[0])
+            leads = rng.uniform(size=(n, len(values))) < 1.0 / np.sum(wide)
+            leads[np.arange(n), rng.choice(np.flatnonzero(wide), n)] = True
+            move = move + np.where(wide & leads, place - here, 0.0) @ follow.T
+        found = np.where(log, values * np.exp(np.clip(move, -50, 50)), values + move)
+        inside = np.all((found >= limits[:, 0]) & (found <= limits[:, 1]), axis=1)
+        return found[inside]
+
+    kept, tried = np.zeros((0, len(values))), 0
+    most = _allowed(problem, space, z, drawn(100, False)) if np.any(wide) else np.inf
+    for _ in range(ROUNDS):
+        if len(kept) >= count:
+            break
+        new = drawn(max(count, 64), True)
+        tried += len(new)
+        if np.any(wide) and len(new):
+            new = new[_costs(problem, space, new) <= most]
+        kept = np.concatenate([kept, new])
+    if len(kept) < count:
+        raise SearchError(
+            f"Of {tried} draws of the parameters {len(kept)} have a cost that the data allow; the ranges of "
+            f"{_few(space.names, wide)} are too wide "
+            "and too bent to draw from. Hold one of them at a known value, or record again."
+        )
+    accepted = min(1.0, len(kept) / tried) if np.any(wide) else 1.0
+    return Plausible(
+        space.names, np.concatenate([values[None], kept[:count]]), tuple(n for n, w in zip(space.names, wide, strict=True) if w), accepted
+    )
+
+
+def _few(names: Sequence[str], which: np.ndarray) -> str:
+    return ", ".join([n for n, w in zip(names, which, strict=True) if w][:6])
+
+
+def _spread(covariance: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """A root (d, d) of the covariance with these standard errors and the correlations of another."""
+    known = error > 0
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    with np.errstate(all="ignore"):
+        correlation = np.where(known[:, None] & known[None, :], covariance / np.outer(size, size), 0.0)
+    correlation = np.nan_to_num(0.5 * (correlation + correlation.T))
+    np.fill_diagonal(correlation, known.astype(float))
+    values, vectors = np.linalg.eigh(correlation)
+    return error[:, None] * (vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _followers(problem: Problem, z: np.ndarray, size: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """How all others (d, d) move for the least cost when one that is open moves by 1: -(J_k'J_k)^+ J_k'J_o, in columns."""
+    found = np.zeros((len(wide), len(wide)))
+    if not np.any(wide):
+        return found
+    _, jacobian = residuals_and_jacobian(problem.unsmoothed, np.asarray(z))
+    j = jacobian / problem.space.slopes(np.asarray(z)) * size
+    for k in np.flatnonzero(wide):
+        others = np.arange(len(wide)) != k
+        found[others, k] = -np.linalg.lstsq(j[:, others], j[:, k], rcond=1e-8)[0]
+        found[k, k] = 1.0
+    return found
+
+
+def _costs(problem: Problem, space: Any, values: np.ndarray) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        cube = np.nan_to_num(space.cube(values), nan=0.5)
+    return np.nan_to_num(np.asarray(problem.costs(cube)), nan=np.inf)
+
+
+def _allowed(problem: Problem, space: Any, z: np.ndarray, determined: np.ndarray) -> float:
+    """The cost up to which draws count: what errors of the determined parameters alone cost, at least that of a parameter's 95 %."""
+    here = float(problem.cost(np.asarray(z)))
+    samples = sum(len(e.recording) for e in problem.experiments.values())
+    least = here * (1.0 + 4.0 / max(samples, 1))
+    if not len(determined):
+        return least
+    return max(least, float(np.quantile(_costs(problem, space, determined), LIKE)))

@@ -1,0 +1,183 @@
+"""Exported plants, run by the other program: their outputs are plantfit's within 1e-6 of the range."""
+
+import ctypes
+import importlib.util
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+from plantfit.bridges import TARGETS, export_plant
+from plantfit.errors import ModelError, SimulationError
+
+HEATER = "x' = (K*delay(u, L) + T0 - x)/tau\nT = x"
+ARM = "w' = (gain*delay(u, L) - drag*w*abs(w) - rub*tanh(w/3))/inertia\na' = w\ny = w + 0.01*a\nz = exp(-abs(a)/50)*sin(a) + max(w, -1)"
+
+
+def answered(text, truth, states, outputs, end, count=96):
+    """A fit to a noisy simulation whose input jumps at uneven times; the samples are not whole parts of the dead time."""
+    rng = np.random.default_rng(4)
+    t = np.linspace(0, end, count)
+    u = np.repeat(rng.uniform(-2, 3, count // 8), 8)
+    model = pf.equations(text, inputs=["u"], states=states, outputs=outputs, parameters=list(truth), name="plant")
+    blank = pf.from_arrays(t, signals={"u": u, **{n: 0.0 * t for n in outputs}})
+    bounds = {n: pf.Parameter((0.5 * v, 1.6 * v)) for n, v in truth.items()}
+    clean = pf.Problem(model, blank, bounds, scales=dict.fromkeys(outputs, 1.0))
+    y = clean.predict(np.array(list(truth.values())))
+    noisy = {n: v + rng.normal(0, 0.01 * np.ptp(v), count) for n, v in y.items()}
+    for n in outputs:
+        noisy[n][0] = y[n][0]
+    problem = pf.Problem(model, pf.from_arrays(t, signals={"u": u, **noisy}), bounds, scales=dict.fromkeys(outputs, 1.0))
+    return pf.fit(problem, budget=600, seed=1)
+
+
+@pytest.fixture(scope="module")
+def heater():
+    return answered(HEATER, {"K": 0.8, "T0": 21.0, "tau": 12.0, "L": 1.37}, {"x": {"initial": 20.0}}, ["T"], 80.0)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    truth = {"gain": 3.0, "drag": 0.05, "rub": 0.4, "inertia": 0.7, "L": 0.23}
+    return answered(ARM, truth, {"w": {"initial": 0.5}, "a": {"initial": 0.1}}, ["y", "z"], 20.0)
+
+
+@pytest.fixture(params=["heater", "arm"])
+def answer(request):
+    return request.getfixturevalue(request.param)
+
+
+def series(answer):
+    (experiment,) = answer.problem.experiments.values()
+    return np.asarray(experiment.recording.t), {n: np.asarray(experiment.recording[n]) for n in answer.problem.model.inputs}
+
+
+def fine(answer, factor=1.0):
+    """plantfit's own simulation by steps so short that their error is far below 1e-6; the fit's steps were chosen by the noise."""
+    problem = answer.problem
+    (experiment,) = problem.experiments.values()
+    own = pf.Problem(
+        problem.model, experiment.recording, problem.space.parameters, scales=dict.fromkeys(problem.outputs, 1.0), substeps=150
+    )
+    return own.predict(factor * np.array(list(answer.values.values())))
+
+
+def same(found, answer, tolerance=1e-6, factor=1.0):
+    for name, y in fine(answer, factor).items():
+        assert np.max(np.abs(np.asarray(found[name]) - y)) <= tolerance * np.ptp(y), name
+
+
+def loaded(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_python_simulates_the_plant_without_plantfit(answer, tmp_path):
+    (file,) = export_plant(answer, "python", tmp_path)
+    assert "plantfit" not in [line.split()[1] for line in file.read_text().splitlines() if line.startswith(("import", "from"))]
+    module = loaded(file)
+    t, u = series(answer)
+    same(module.simulate(t, u), answer)
+    other = {n: 1.1 * v for n, v in module.PARAMETERS.items()}
+    same(module.simulate(t, u, other), answer, factor=1.1)
+
+
+def test_c_simulates_the_plant(answer, tmp_path):
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not on this machine: the exported C is not compiled")
+    header, source = export_plant(answer, "c", tmp_path, name="a plant")
+    library = tmp_path / "plant.so"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *flags, "-Wno-misleading-indentation", "-o", library, source, "-lm"], check=True)
+    program, (t, u), model = ctypes.CDLL(str(library)), series(answer), answer.problem.model
+    assert "a_plant_simulate" in header.read_text()
+    y = np.empty((len(t), len(model.outputs)))
+    flat = np.ascontiguousarray(np.column_stack([u[n] for n in model.inputs]))
+
+    def held(name):
+        return ctypes.cast(getattr(program, f"a_plant_{name}"), ctypes.c_void_p)
+
+    def pointer(a):
+        return a.ctypes.data_as(ctypes.c_void_p)
+
+    program.a_plant_simulate.restype = None
+    places = [ctypes.addressof(ctypes.c_double.in_dll(program, f"a_plant_{n}")) for n in ("parameters", "x0", "before")]
+    program.a_plant_simulate(*map(ctypes.c_void_p, places), len(t), pointer(t), pointer(flat), 40, pointer(y))
+    same(dict(zip(model.outputs, y.T, strict=True)), answer)
+
+
+def test_casadi_simulates_the_plant(answer, tmp_path):
+    casadi = pytest.importorskip("casadi", reason="casadi is not installed: the exported functions are not run")
+    (file,) = export_plant(answer, "casadi", tmp_path)
+    module = loaded(file)
+    t, u = series(answer)
+    same(module.simulate(t, u), answer)
+    n = len(answer.problem.model.states)
+    x, values = casadi.SX.sym("x", n), list(module.PARAMETERS.values())
+    jacobian = casadi.Function("j", [x], [casadi.jacobian(module.rates(x, np.r_[np.ones(2), 0.0], values), x)])
+    assert np.all(np.isfinite(np.asarray(jacobian(np.full(n, 0.3)))))
+
+
+def test_python_control_simulates_the_linear_plant(heater, tmp_path):
+    control = pytest.importorskip("control", reason="python-control is not installed: the exported matrices are not run")
+    file, data = export_plant(heater, "control", tmp_path)
+    module, v = loaded(file), heater.values
+    (t, u), (delay, part) = series(heater), module.paths[0]
+    assert delay == pytest.approx(v["L"])
+    assert part.poles() == pytest.approx([-1 / v["tau"]])
+    y = module.simulate(t, u["u"])
+    # the recording does not begin at rest: after the start has faded both are one
+    late = np.full(len(t), heater.predict()["T"][0])
+    truth, h = np.empty(len(t)), t[1] - t[0]
+    rest = v["K"] * module.U0 + v["T0"]
+    state = rest
+    for k in range(len(t)):  # the exact solution of the lag, begun at the rest of the matrices
+        truth[k] = state
+        edge = v["L"] % h
+        back = int(v["L"] // h)
+        for share, place in ((edge, k - back - 1), (h - edge, k - back)):
+            goal = v["K"] * (u["u"][place] if place >= 0 else module.U0) + v["T0"]
+            state = goal + (state - goal) * np.exp(-share / v["tau"])
+    assert len(late) == len(y)
+    np.testing.assert_allclose(y, truth, atol=1e-6 * np.ptp(truth))
+    w = np.geomspace(1e-3, 1.0, 20)
+    g = v["K"] * np.exp(-1j * w * v["L"]) / (1 + 1j * w * v["tau"])
+    np.testing.assert_allclose(module.frequency_response(w), g, rtol=1e-9)
+    pade = module.system(4)
+    assert isinstance(pade, control.StateSpace)
+    np.testing.assert_allclose(pade(1j * w), g, rtol=1e-6)  # what is stated of a Pade fraction up to 1 rad/s at this dead time
+    assert json.loads(data.read_text())["paths"][0]["delay"] == pytest.approx(v["L"])
+
+
+def test_matlab_files_hold_the_matrices(heater, tmp_path):
+    from scipy.io import loadmat
+
+    mat, script = export_plant(heater, "matlab", tmp_path)
+    held, v = loadmat(mat), heater.values
+    assert held["A"].item() == pytest.approx(-1 / v["tau"])
+    assert held["delay1"].item() == pytest.approx(v["L"])
+    assert held["B1"].item() == pytest.approx(v["K"] / v["tau"])
+    assert "not run in MATLAB" in script.read_text()
+
+
+def test_csv_holds_the_simulation(heater, tmp_path):
+    simulated, parameters = export_plant(heater, "csv", tmp_path)
+    rows = np.genfromtxt(simulated, delimiter=",", names=True, deletechars="")
+    np.testing.assert_array_equal(rows["T_simulated_[-]"], heater.predict()["T"])
+    lines = parameters.read_text().splitlines()
+    assert float(next(line for line in lines if line.startswith("tau,")).split(",")[1]) == heater.values["tau"]
+
+
+def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
+    with pytest.raises(ModelError, match="no target 'fmu' to export to; there are python, c, casadi"):
+        export_plant(heater, "fmu", tmp_path)
+    with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices are exported of single loops"):
+        export_plant(arm, "control", tmp_path)
+    assert len(TARGETS) == 6

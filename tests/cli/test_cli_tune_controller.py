@@ -1,0 +1,146 @@
+"""`plantfit tune`: from a finished study of a heater with known truth to a controller, its files, and what is said when it cannot be."""
+
+import ctypes
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from cli_call import call, heater
+
+from plantfit.control.pid import Gains
+from plantfit.control.tune.loop_scores import limited_pid  # noqa: F401  (jax is set up)
+
+PLANTFIT = (sys.executable, "-c", "from plantfit.cli.start import run; run()")
+CONTROL = """
+[control]
+set_point = "318.15 K"  # 45 degC
+step = 5
+upper = 80
+plants = 20
+horizon = "240 s"
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A heater's study file with a [control] table, run into plantfit.db."""
+    folder = tmp_path_factory.mktemp("tune")
+    spec = heater(folder)
+    spec.write_text(spec.read_text() + CONTROL)
+    done = subprocess.run([*PLANTFIT, "run", "heater.toml"], cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tuned(place):
+    done = subprocess.run(
+        [*PLANTFIT, "tune", "heater.toml", "--budget", "30", "--json"], cwd=place, capture_output=True, text=True, timeout=500
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_one_command_gives_record_page_and_c(place, tuned):
+    assert tuned["wishes"]["set_point"] == pytest.approx(45.0)
+    assert tuned["wishes"]["step"] == 5.0
+    assert tuned["wishes"]["period"] == 1.0
+    assert (tuned["wishes"]["lower"], tuned["wishes"]["upper"]) == (10.0, 80.0)
+    assert "lowest u" in tuned["proposed"]["lower"]
+    assert "upper" not in tuned["proposed"]
+    assert tuned["reduced"]["gain"] == pytest.approx(0.8, rel=0.02)
+    assert tuned["reduced"]["lag"] == pytest.approx(40.0, rel=0.03)
+    assert tuned["reduced"]["dead_time"] == pytest.approx(3.9, abs=0.1)  # with half a sample
+    first = tuned["controllers"][0]
+    assert first["name"] == "all plants"
+    assert first["Kp"] > 0
+    assert first["stable"]
+    assert [r["name"] for r in tuned["controllers"][2:]] == ["SIMC", "AMIGO", "lambda", "Ziegler-Nichols", "Cohen-Coon"]
+    assert re.match(r"Of 20 plants that the data allow, \d+ % overshoot under 10 % with Ms under 1.6; ", tuned["verdict"][0]["sentence"])
+    written = json.loads((place / "heater-tune.json").read_text())
+    assert {k: v for k, v in tuned.items() if k != "files"} == written
+    page = (place / "heater-tune.html").read_text("utf-8")
+    assert "Controller of heater" in page
+    assert tuned["verdict"][0]["sentence"] in page
+    assert "https://" not in re.sub(r"<script.*?</script>", "", page, flags=re.S)
+
+
+def test_the_c_file_is_the_controller_that_was_tuned(place, tuned):
+    """Compiled, over 10 000 samples of a measurement that reaches both limits: python's PID to 1e-12."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not on this machine: the exported C is not compiled")
+    library = place / "pid.so"
+    subprocess.run(
+        [
+            "gcc",
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-ffp-contract=off",
+            "-O2",
+            "-shared",
+            "-fPIC",
+            "-o",
+            library,
+            place / "heater_pid.c",
+        ],
+        check=True,
+    )
+    program, state = ctypes.CDLL(str(library)), ctypes.create_string_buffer(256)
+    program.heater_pid_init.argtypes, program.heater_pid_init.restype = (ctypes.c_void_p, ctypes.c_double), None
+    program.heater_pid_update.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
+    program.heater_pid_update.restype = ctypes.c_double
+    from plantfit.control import pid
+
+    import jax
+    import jax.numpy as jnp
+
+    row, w = tuned["controllers"][0], tuned["wishes"]
+    gains = Gains(row["Kp"], row["Ki"], row["Kd"], row["b"], 0.0, row["filter_time"])
+    rng = np.random.default_rng(1)
+    y = 45 + np.cumsum(rng.normal(0, 0.3, 10_000)) * np.exp(-np.arange(10_000) / 4000)
+    r = 45 + 5.0 * (np.arange(10_000) // 700 % 2)
+    own = pid(w["period"], lower=w["lower"], upper=w["upper"])
+    state0 = own.init(jnp.asarray(y[0]), gains)
+    _, truth = jax.lax.scan(lambda s, v: own.update(s, v[0], v[1], gains), state0, (jnp.asarray(y), jnp.asarray(r)))
+    program.heater_pid_init(state, y[0])
+    found = np.array([program.heater_pid_update(state, a, b) for a, b in zip(y, r, strict=True)])
+    assert found.min() == w["lower"]
+    assert found.max() == w["upper"]
+    np.testing.assert_allclose(found, np.asarray(truth), rtol=1e-12, atol=1e-12 * w["upper"])
+
+
+def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    spec = place / "heater.toml"
+    said = call(capsys, monkeypatch, "tune", str(spec))
+    assert said.code == 10
+    assert "so the study 'heater' has not been run; run it first: `plantfit run " in said.err
+    text = spec.read_text()
+    changed = tmp_path / "heater.toml"
+    (tmp_path / "heater.csv").write_text((place / "heater.csv").read_text())
+    changed.write_text(text.replace("bounds = [0.01, 10.0]", "bounds = [0.01, 20.0]"))
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--store", str(place / "plantfit.db"))
+    assert said.code == 10
+    assert "has another [parameters] than study 1" in said.err
+    changed.write_text(text.replace("set_point = ", "setpoint = "))
+    said = call(capsys, monkeypatch, "tune", "heater.toml")
+    assert said.code == 7
+    assert "key 'control.setpoint' is not known; did you mean 'set_point'?" in said.err
+    changed.write_text(text.replace("horizon = ", "ms = 0.5\nhorizon = "))
+    assert "control.ms = 0.5 cannot be used" in call(capsys, monkeypatch, "tune", "heater.toml").err
+    monkeypatch.chdir(place)
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--set-point", "P=45 degC")
+    assert said.code == 7
+    assert "There is no output 'P'; the model has T." in said.err
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--set-point", "T=300 degC")
+    assert said.code == 9
+    assert "they cannot hold that set point" in said.err
+    assert "Traceback" not in said.err
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--set-point", "45 bar")
+    assert said.code == 4

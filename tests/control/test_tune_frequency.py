@@ -1,0 +1,141 @@
+"""Sampled frequency responses and margins against state space with delay states, closed forms and published margins."""
+
+import numpy as np
+import pytest
+
+import plantfit.runtime  # noqa: F401
+from plantfit.control import Gains, LinearPlant, with_dead_time
+from plantfit.control.tune.frequency import continuous_response, frequencies, margins, pid_response, sampled_response
+from plantfit.control.tune.one_loop import OneLoop
+from plantfit.control.tune.reduction import gain_of, integrators, reduced, step_response
+from plantfit.control.tune.rules import rule_gains
+from plantfit.models.text.equations import equations
+
+LAG = equations("y' = (K*delay(u, L) - y)/tau\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "tau", "L"], name="lag")
+TWO = equations(
+    "a' = (K*delay(u, L) - a)/t1\nb' = (a - b)/t2\nz = b", inputs=["u"], states=["a", "b"], outputs=["z"],
+    parameters=["K", "t1", "t2", "L"], name="two",
+)  # fmt: skip
+TANK = equations("y' = K*delay(u, L)\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "L"], name="tank")
+
+
+def rest_of(model, level=1.0, **parameters):
+    rows = {n: np.atleast_1d(np.asarray(v, dtype=float)) for n, v in parameters.items()}
+    return OneLoop(model, "z", "u", {}, rows).at_rest(level, (0.0, 1.0))
+
+
+def test_the_rest_is_where_the_model_stays():
+    rest = rest_of(LAG, 6.0, K=[2.0, 3.0], tau=[5.0, 4.0], L=[1.0, 2.0])
+    np.testing.assert_allclose(rest.u, [3.0, 2.0], rtol=1e-12)
+    np.testing.assert_allclose(rest.x[:, 0], 6.0, rtol=1e-12)
+
+
+def test_dead_time_is_exact_in_the_continuous_response():
+    rest, w = rest_of(LAG, K=2.0, tau=5.0, L=1.7), np.geomspace(1e-3, 30, 50)
+    truth = 2.0 * np.exp(-1.7j * w) / (1 + 5.0j * w)
+    np.testing.assert_allclose(continuous_response(rest, w)[0], truth, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dead", [0.0, 0.3, 1.0, 1.7, 4.45])
+def test_the_sampled_response_is_that_of_the_plant_with_delay_states(dead):
+    period, rest = 0.5, rest_of(TWO, K=1.3, t1=4.0, t2=1.5, L=dead)
+    plain = LinearPlant(
+        rest.A[0], rest.B[0].sum(0)[:, None], rest.C[0][None, :], np.zeros((1, 1)), ("a", "b"), ("u",), ("z",),
+        np.zeros(2), np.zeros(1), np.zeros(1), {},
+    )  # fmt: skip
+    late = with_dead_time(plain, period, dead)
+    w = frequencies(period, 6.0, 40)
+    z = np.exp(1j * w * period)
+    truth = [(late.C @ np.linalg.solve(v * np.eye(len(late.A)) - late.A, late.B))[0, 0] for v in z]
+    np.testing.assert_allclose(sampled_response(rest, period, w)[0], truth, rtol=1e-9)
+
+
+def closed_poles(rest, gains, period, dead):
+    """Poles of the sampled loop: plant with delay states, integrator and filtered derivative, put together in state space."""
+    n = rest.A.shape[-1]
+    plain = LinearPlant(
+        rest.A[0], rest.B[0].sum(0)[:, None], rest.C[0][None, :], np.zeros((1, 1)), tuple("ab"[:n]), ("u",), ("z",),
+        np.zeros(n), np.zeros(1), np.zeros(1), {},
+    )  # fmt: skip
+    late = with_dead_time(plain, period, dead)
+    size, kp, ki, kd, tf = len(late.A), gains.Kp, gains.Ki * period / 2, gains.Kd, gains.filter_time
+    # states: plant, integral, derivative, last error; e = -y
+    a = np.zeros((size + 3, size + 3))
+    e = np.concatenate([-late.C[0], np.zeros(3)])
+    integral = np.eye(size + 3)[size] + ki * (e + np.eye(size + 3)[size + 2])
+    derivative = (tf * np.eye(size + 3)[size + 1] + kd * (e - np.eye(size + 3)[size + 2])) / (tf + period)
+    u = kp * e + integral + derivative
+    a[:size, :size] = late.A
+    a[:size] += np.outer(late.B[:, 0], u)
+    a[size], a[size + 1], a[size + 2] = integral, derivative, e
+    return np.linalg.eigvals(a)
+
+
+@pytest.mark.parametrize(("model", "dead"), [(LAG, 0.0), (LAG, 1.3), (TANK, 0.8)])
+def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(model, dead):
+    parameters = {"K": 0.4 if model is TANK else 2.0, "L": dead} | ({} if model is TANK else {"tau": 5.0})
+    rest, period, rng = rest_of(model, **parameters), 0.25, np.random.default_rng(1)
+    w, kinds = frequencies(period, 5.0, 4000), set()
+    h = sampled_response(rest, period, w)
+    for _ in range(60):
+        gain = 10 ** rng.uniform(-1, 1.3)
+        gains = Gains(gain, gain / 10 ** rng.uniform(-0.5, 1.5), gain * 10 ** rng.uniform(-2, 0), 1.0, 0.0, 0.1)
+        largest = float(np.max(np.abs(closed_poles(rest, gains, period, dead))))
+        if abs(largest - 1.0) < 1e-3:
+            continue
+        found = margins(pid_response(gains, period, w)[None, :] * h, w, 1 + integrators(rest))
+        assert bool(found.stable[0]) == (largest < 1.0), (gains, largest)
+        kinds.add(largest < 1.0)
+        if largest < 1.0 and np.isfinite(found.gain[0]):  # at the gain margin a pole lies on the circle
+            g = found.gain[0]
+            at = closed_poles(rest, Gains(g * gains.Kp, g * gains.Ki, g * gains.Kd, 1.0, 0.0, 0.1), period, dead)
+            assert np.max(np.abs(at)) == pytest.approx(1.0, abs=2e-3)
+    assert kinds == {True, False}
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters", "gm", "pm", "ms"),
+    [(LAG, {"K": 1.0, "tau": 5.0, "L": 1.0}, 3.14, 61.4, 1.59), (TANK, {"K": 1.0, "L": 1.0}, 2.96, 46.9, 1.70)],
+)
+def test_simc_has_the_margins_that_its_paper_states(model, parameters, gm, pm, ms):
+    """Skogestad 2003, table 2: tau_c = theta; sampled quickly, the loop is the continuous one."""
+    rest, period = rest_of(model, **parameters), 1e-3
+    isa = rule_gains("SIMC", reduced(rest), derivative=False)
+    assert isa is not None
+    w = frequencies(period, 6.0, 6000)
+    found = margins(pid_response(isa.gains(), period, w)[None, :] * sampled_response(rest, period, w), w, 1 + integrators(rest))
+    assert (found.gain[0], found.phase[0], found.ms[0]) == pytest.approx((gm, pm, ms), rel=6e-3)
+    assert found.stable[0]
+
+
+def test_the_half_rule_gives_the_examples_of_its_paper():
+    """Skogestad 2003, example E5: 1/((s+1)(0.2s+1)(0.04s+1)(0.008s+1))."""
+    text = "\n".join(f"x{k}' = ({'u' if k == 0 else f'x{k - 1}'} - x{k})/t{k}" for k in range(4)) + "\nz = x3"
+    states = [f"x{k}" for k in range(4)]
+    chain = equations(text, inputs=["u"], states=states, outputs=["z"], parameters=[f"t{k}" for k in range(4)], name="chain")
+    found = reduced(rest_of(chain, t0=1.0, t1=0.2, t2=0.04, t3=0.008))
+    assert found.first_order == pytest.approx((1.0, 1.1, 0.148), rel=1e-6)
+    assert found.second_order == pytest.approx((1.0, 1.0, 0.22, 0.028), rel=1e-6)
+    assert "half rule" in found.how
+
+
+def test_a_plant_with_a_zero_is_fitted_and_its_step_is_met():
+    text = "a' = (K*delay(u, L) - a)/6\nb' = (a - b)/2\nz = b + 0.5*a"
+    plant = equations(text, inputs=["u"], states=["a", "b"], outputs=["z"], parameters=["K", "L"], name="zero")
+    rest = rest_of(plant, K=2.0, L=1.0)
+    found = reduced(rest)
+    assert found.how.startswith("least squares")
+    assert gain_of(rest) == pytest.approx(3.0)
+    t = np.linspace(0, 40, 300)
+    k, t1, t2, dead = found.second_order
+    s = np.maximum(t - dead, 0)
+    model = k * (1 - (t1 * np.exp(-s / t1) - t2 * np.exp(-s / t2)) / (t1 - t2))
+    assert np.max(np.abs(model - step_response(rest, t))) < 0.05 * 3.0
+
+
+def test_amigo_on_its_own_model():
+    """Astrom and Hagglund 2004, eqs. 7 and 8 by hand for K = 1, L = 1, T = 4."""
+    isa = rule_gains("AMIGO", reduced(rest_of(LAG, K=1.0, tau=4.0, L=1.0)))
+    assert isa is not None
+    assert isa[:3] == pytest.approx((0.2 + 0.45 * 4, (0.4 + 0.8 * 4) / 1.4, 0.5 * 4 / 4.3), rel=1e-9)
+    assert isa.b == 0.0
