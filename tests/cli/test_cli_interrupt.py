@@ -145,6 +145,33 @@ def work():
     assert error.count("\n") == 1
 
 
+def test_two_signals_while_the_main_thread_cannot_look_are_two(tmp_path):
+    code = """
+import hashlib
+from plantfit.cli.terminal.interrupts import stoppable
+def work():
+    import time
+    try:
+        with stoppable("Stopping.", lambda: "late", cleans_up=True) as stop:
+            print("computing", flush=True)
+            hashlib.pbkdf2_hmac("sha256", b"", b"", 3_000_000)  # about a second in C, which lets other threads run
+            while True:
+                time.sleep(0.01)
+    except KeyboardInterrupt:
+        time.sleep(0.5)
+        print("motor stopped", flush=True)
+        raise
+"""
+    process = started(code, tmp_path)
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None
+    assert process.stderr.readline() == "Stopping.\n"
+    for _ in range(3):  # the third does not disturb what the second began
+        process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=50)
+    assert (process.returncode, out) == (130, "motor stopped\n")
+
+
 def test_nothing_is_left_behind():
     before = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
     with watched(), stoppable() as stop:

@@ -5,6 +5,7 @@ that one raises inside a callback of jax is lost. So the C part of the handler w
 acknowledges, and ends the process where the main thread does not.
 """
 
+import _thread
 import os
 import signal
 import socket
@@ -15,6 +16,7 @@ from contextlib import contextmanager, suppress
 
 EXIT_CODE = 130
 GRACE = 0.7  # seconds that the main thread gets to end by itself
+COALESCED = 0.2  # seconds after which the main thread is asked whether it saw a second signal
 LAST_GRACE = 5.0  # the same where it has to leave a machine in a safe state
 SENTENCE = "Stopped by Ctrl-C. `plantfit resume` goes on with a study; begin anything else anew."
 
@@ -28,6 +30,7 @@ class Stopping:
         self.sentence, self.farewell, self.cleans_up = sentence, farewell, cleans_up
         self.before_exit: list[Callable[[], object]] = []
         self.asked, self.seen, self.told = False, 0, 0
+        self.interrupted = False  # once: what cleans up is not interrupted in it
 
     def __call__(self) -> bool:
         return self.asked
@@ -50,6 +53,9 @@ class _Watch:
         part.seen += 1
         part.asked = True
         if part.seen > 1 and part.cleans_up:
+            if part.interrupted:
+                return
+            part.interrupted = True
             raise KeyboardInterrupt
         if part.seen > 1:
             end(part.farewell(), part.before_exit)
@@ -72,9 +78,19 @@ class _Watch:
         if part.told == 1:
             _say(part.sentence)
         elif part.cleans_up:
-            threading.Thread(target=self.end_after, args=(LAST_GRACE, part.farewell), daemon=True).start()
+            if part.told == 2:
+                threading.Thread(target=self.end_after, args=(LAST_GRACE, part.farewell), daemon=True).start()
+                threading.Thread(target=self.interrupt, args=(part,), daemon=True).start()
         else:
             end(part.farewell(), part.before_exit)
+
+    def interrupt(self, part: Stopping) -> None:
+        """Two signals that came before the main thread looked are one to Python: send more until it has seen one."""
+        while not self.ending.wait(COALESCED) and not part.interrupted:
+            if sys.platform == "win32":
+                _thread.interrupt_main()
+            else:
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
     def end_after(self, seconds: float, sentence: Callable[[], str]) -> None:
         if not self.ending.wait(seconds):
