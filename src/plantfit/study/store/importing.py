@@ -76,7 +76,9 @@ def _from_parquet(path: Path) -> WholeStudy:
         with unheard():
             text = pl.read_parquet_metadata(path).get("plantfit")
         if text is None:
-            raise _Refused('is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export-study` wrote')
+            raise _Refused(
+                'is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export-study` wrote'
+            )
         with unheard():
             frame = pl.read_parquet(path)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
