@@ -20,7 +20,9 @@ def write_case_page(record: Mapping[str, Any], path: str | Path, reports: Sequen
          "tables": [{"caption": str, "columns": [str], "rows": [[str]], "note": str (optional)}],
          "figures": [{"figure": plotly dictionary, "label": what it shows}]}
 
-    where all but the title may be left out; `command` is what a user types to repeat the section. The file appears whole or not at all; StoreError when it cannot be written.
+    where all but the title may be left out; `command` is what a user types to repeat the section.
+
+    The file appears whole or not at all; StoreError when it cannot be written.
     """
     return html.write_page(path, render_case_page(record, reports))
 

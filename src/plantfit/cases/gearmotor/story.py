@@ -37,8 +37,8 @@ def first_section(plain: Answer) -> Section:
         "title": "1. A first model",
         "command": "plantfit run plain.toml",
         "sentences": [
-            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the half that it was fitted to, and by "
-            f"{unseen:.1f} deg/s on the half that it has not seen (shaded)."
+            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the half that it was fitted to, and "
+            f"by {unseen:.1f} deg/s on the half that it has not seen (shaded)."
         ],
         "figures": [
             {
@@ -85,8 +85,8 @@ def friction_section(plain: Answer, friction: Answer) -> Section:
         "command": "plantfit run plain-with-dry-friction.toml",
         "sentences": [
             "The diagnosis wrote this study file: one line more under [model.extensions].",
-            f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor reports speed in steps of "
-            f"{SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
+            f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor reports speed in "
+            f"steps of {SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
             _determined(friction),
         ],
         "figures": [
@@ -135,8 +135,8 @@ def controller_section(controller: Controller, files: Sequence[Path]) -> Section
         "command": "plantfit tune gearmotor.toml",
         "sentences": [
             *(v["sentence"] for v in record["verdict"]),
-            f"Kp {best['Kp']:.3g} V/(deg/s), Ki {best['Ki']:.3g} V/deg, Kd {best['Kd']:.2g} V/(deg/s^2), sampled every {w['period']:.4g} s, "
-            f"between {w['lower']:.3g} and {w['upper']:.3g} V.",
+            f"Kp {best['Kp']:.3g} V/(deg/s), Ki {best['Ki']:.3g} V/deg, Kd {best['Kd']:.2g} V/(deg/s^2), sampled every {w['period']:.4g} "
+            f"s, between {w['lower']:.3g} and {w['upper']:.3g} V.",
             f"The same as C for the microcontroller: {', '.join(f.name for f in files)}.",
         ],
         "figures": [

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import Status, StoreError
-from plantfit.recording.read.panics import unheard
-from plantfit.recording.read.tried import crash
+from plantfit.recording.readers.panics import unheard
+from plantfit.recording.readers.tried import crash
 from plantfit.study.plan import MOST_RUNS
 from plantfit.study.store.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.store.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
