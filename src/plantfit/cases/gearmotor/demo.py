@@ -14,13 +14,15 @@ from plantfit.cases.shared.fitting import fit_file, part, residual, rms
 from plantfit.cases.shared.record import figure, record
 from plantfit.cases.shared.stages import stages, within
 from plantfit.controllers import tune
+from plantfit.errors import SimulationError
 from plantfit.fitting import Answer
 from plantfit.recording import Recording, read
 from plantfit.report.controller_page import write_controller_page
 from plantfit.spec import with_additions
 from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record
 
-PARTS = ("first model", "what it lacks", "with dry friction", "physics", "both records", "controller")
+PARTS = ("first model", "what it lacks", "with what it lacks", "physics", "both records", "controller")
+ADDED = "dead zone"
 LINEAR = "first-order model with dead time about the mean, same halves"
 
 
@@ -28,15 +30,17 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     """See `plantfit.cases.shared.registry.demos`."""
     begins = stages(PARTS, progress)
     first = unpack("gearmotor", folder) / "plain.toml"
-    file, both, better = (first.with_name(f"{n}.toml") for n in ("gearmotor", "static_and_prbs", "plain-with-dry-friction"))
+    file, both, better = (first.with_name(f"{n}.toml") for n in ("gearmotor", "static_and_prbs", f"plain-with-{ADDED.replace(' ', '-')}"))
     begins(PARTS[0])
     plain = fit_file(first)
     begins(PARTS[1])
     found = diagnose(plain.problem, plain.best.x)
+    if found.found[0].extension.kind != ADDED.replace(" ", "_"):
+        raise SimulationError(f"The diagnosis named {found.found[0].extension.name!r}; restore the files of the demo and run it again.")
     text = with_additions(first.read_text("utf-8"), first, changed(found))
     better.write_text(text.replace('name = "plain"', f'name = "{better.stem}"'), "utf-8")
     begins(PARTS[2])
-    friction = fit_file(better)
+    fuller = fit_file(better)
     begins(PARTS[3])
     answer = fit_file(file)
     begins(PARTS[4])
@@ -69,12 +73,12 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     sections = [
         story.first_section(plain),
         story.cause_section(diagnosis_record(found)),
-        story.friction_section(plain, friction),
+        story.fuller_section(plain, fuller, ADDED, static[3]["reference"]),
         story.physics_section(answer, curve, sentences, figures),
         story.controller_section(controller, [code.source, code.header]),
     ]
     page = write_controller_page(controller.record, controller.curves, file.with_name("gearmotor-tune.html"))
-    answers, files = [answer, joint, plain, friction], [file, both, first, better]
+    answers, files = [answer, joint, plain, fuller], [file, both, first, better]
     subtitle = "A real motor: from a first model to a controller"
     return record("gearmotor", "Geared DC motor", figures, sentences, answers, files, sections, subtitle, [page])
 

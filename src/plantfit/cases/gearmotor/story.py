@@ -77,22 +77,24 @@ def cause_section(diagnosis: Mapping[str, Any]) -> Section:
     }
 
 
-def friction_section(plain: Answer, friction: Answer) -> Section:
-    """The model with what was named."""
-    (_, before), (seen, unseen) = scores(plain), scores(friction)
+def fuller_section(plain: Answer, fuller: Answer, added: str, moves_from: float) -> Section:
+    """The model with what was named; `moves_from` V is the lowest voltage that turned the motor on its static curve."""
+    (_, before), (seen, unseen) = scores(plain), scores(fuller)
     return {
-        "title": "3. The model with dry friction",
-        "command": "plantfit run plain-with-dry-friction.toml",
+        "title": f"3. The model with a {added}",
+        "command": f"plantfit run {fuller.problem.name}.toml",
         "sentences": [
-            "The diagnosis wrote this study file: one line more under [model.extensions].",
+            "The diagnosis wrote this study file: one line more, under [model.extensions].",
             f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor reports speed in "
             f"steps of {SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
-            _determined(friction),
+            _determined(fuller),
+            "In this record the motor never stops or turns back, so that dry friction and a dead zone are the same. On its static curve, "
+            f"measured apart, it turns from {moves_from:.3f} V on.",
         ],
         "figures": [
             {
-                "figure": followed_figure({"with dry friction": friction, "without": plain}, "prbs", "y"),
-                "label": "Speed: measured, with dry friction and without; zoom in to see the motor stand still",
+                "figure": followed_figure({f"with a {added}": fuller, "without": plain}, "prbs", "y"),
+                "label": f"Speed: measured, with a {added} and without",
             }
         ],
     }
@@ -142,7 +144,8 @@ def controller_section(controller: Controller, files: Sequence[Path]) -> Section
         "figures": [
             {
                 "figure": loop_figure(controller.curves, w, named(record["output"]), named(record["input"]), plants),
-                "label": f"A step of the set point, then a load: bands over {plants} that the data allow",
+                "label": f"A step of the set point, then a load: bands over {plants} that the data allow. The loop settles within one "
+                f"step of the sensor ({SENSOR} deg/s).",
             }
         ],
         "tables": [
