@@ -41,7 +41,7 @@ with _environment(NPROC="1", XLA_FLAGS=_own if "xla_cpu_multi_thread_eigen" in _
     jax.devices("cpu")
 threadpool_limits(1, user_api="blas")
 jax.config.update("jax_enable_x64", True)
-if jax.config.jax_compilation_cache_dir is None and (_xla := code_folder("xla")) is not None:
+if jax.config.values["jax_compilation_cache_dir"] is None and (_xla := code_folder("xla")) is not None:
     jax.config.update("jax_compilation_cache_dir", str(_xla))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

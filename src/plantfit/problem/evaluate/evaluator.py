@@ -17,7 +17,7 @@ class Evaluator(Protocol):
     """
 
     @property
-    def local(self) -> Sequence[np.ndarray]: ...
+    def local(self) -> Sequence[np.ndarray] | np.ndarray: ...
 
     @property
     def local_dimension(self) -> int:
@@ -31,22 +31,22 @@ class Evaluator(Protocol):
         """What the functions take beside z, a pytree, from `Problem.data`."""
         ...
 
-    def costs(self, zs: Any, arguments: Any) -> Any:
+    def costs(self, zs: Any, arguments: Any, /) -> Any:
         """Costs (n,)."""
         ...
 
-    def values_and_gradients(self, zs: Any, arguments: Any) -> tuple[Any, Any]:
+    def values_and_gradients(self, zs: Any, arguments: Any, /) -> tuple[Any, Any]:
         """Costs (n,) and gradients (n, d)."""
         ...
 
-    def residuals(self, z: Any, arguments: Any) -> Any:
+    def residuals(self, z: Any, arguments: Any, /) -> Any:
         """Scaled residuals (m,), simulated minus measured; recording by recording, output by output."""
         ...
 
-    def residuals_and_jacobian(self, z: Any, arguments: Any) -> tuple[Any, Any]:
+    def residuals_and_jacobian(self, z: Any, arguments: Any, /) -> tuple[Any, Any]:
         """Residuals (m,) and dense derivatives (m, d)."""
         ...
 
-    def blocks(self, z: Any, arguments: Any) -> list[tuple[Any, Any]]:
+    def blocks(self, z: Any, arguments: Any, /) -> list[tuple[Any, Any]]:
         """For every block its residuals (k,) and their derivatives (k, q) by its own coordinates."""
         ...
