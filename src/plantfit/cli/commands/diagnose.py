@@ -56,6 +56,8 @@ def added(path: str, names: Sequence[str], json: bool) -> Path:
 
     study = spec.load(path)
     found = _tried(study, names, json)
+    if not all(r.trials for r in found.rounds):
+        raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
     text, target = _text(study, found, _all(found), _steps(found)), _target(study, _all(found), bool(_steps(found)))
     if not target.exists():
         _write(target, text)
