@@ -16,11 +16,13 @@ def write_case_page(record: Mapping[str, Any], path: str | Path, reports: Sequen
 
     The record has "title", "subtitle" and "sections", each section
 
-        {"title": str, "sentences": [str],
+        {"title": str, "command": str, "sentences": [str],
          "tables": [{"caption": str, "columns": [str], "rows": [[str]], "note": str (optional)}],
          "figures": [{"figure": plotly dictionary, "label": what it shows}]}
 
-    where all but the title may be left out. The file appears whole or not at all; StoreError when it cannot be written.
+    where all but the title may be left out; `command` is what a user types to repeat the section.
+
+    The file appears whole or not at all; StoreError when it cannot be written.
     """
     return html.write_page(path, render_case_page(record, reports))
 
@@ -40,6 +42,7 @@ def render_case_page(record: Mapping[str, Any], reports: Sequence[str] = ()) -> 
 def _section(section: Mapping[str, Any], drawings: Drawings) -> dict[str, Any]:
     return {
         "title": section["title"],
+        "command": section.get("command", ""),
         "sentences": list(section.get("sentences", ())),
         "tables": [{"grid": _table(t), "note": t.get("note", "")} for t in section.get("tables", ())],
         "figures": [drawings.add(f["figure"], f["label"]) for f in section.get("figures", ())],
