@@ -1,6 +1,6 @@
 """Does the diagnosis name what is missing? Plants with one planted fault, and clean ones, fitted with the model that lacks it.
 
-    python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--plants first,second,motor,tanks] [--faults dead_time,coulomb]
+    python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks] [--faults dead_time,coulomb]
 
 The truth is simulated here by Runge-Kutta steps of a twentieth of a sample, with code that shares nothing with plantfit. A fault counts as
 named where the first round finds it, alone or as one of a pair that explains alike; which pairs no record of a linear plant can tell apart
@@ -244,8 +244,8 @@ def key(extension: Any) -> str:
     return f"{extension.kind} {extension.signal}"
 
 
-def cases(plants: list[str], faults: list[str], seeds: int, clean: int) -> Iterator[tuple[Plant, str, float, int]]:
-    """Every plant with every fault that it can have, at both noise levels, and clean ones."""
+def cases(plants: list[str], faults: list[str], seeds: int, clean: int, first: int) -> Iterator[tuple[Plant, str, float, int]]:
+    """Every plant with every fault that it can have, at both noise levels, and clean ones; seeds from `first` on."""
     for name in plants:
         plant = PLANTS[name]
         for fault in [CLEAN, *plant.faults]:
@@ -253,18 +253,21 @@ def cases(plants: list[str], faults: list[str], seeds: int, clean: int) -> Itera
                 continue
             for noise in NOISES:
                 for seed in range(clean if fault == CLEAN else seeds):
-                    yield plant, fault, noise, seed
+                    yield plant, fault, noise, first + seed
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--clean", type=int, default=5)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--plants", default=",".join(PLANTS))
     parser.add_argument("--faults", default="")
     given = parser.parse_args()
     results: dict[str, list[Named]] = defaultdict(list)
-    for plant, fault, noise, seed in cases(given.plants.split(","), [f for f in given.faults.split(",") if f], given.seeds, given.clean):
+    for plant, fault, noise, seed in cases(
+        given.plants.split(","), [f for f in given.faults.split(",") if f], given.seeds, given.clean, given.first_seed
+    ):
         one = judged(plant, fault, noise, seed)
         results[fault].append(one)
         mark = "first" if one.first else "among three" if one.among else "MISSED"

@@ -1,7 +1,7 @@
 """An answer: the parameters that a fit found, what they are worth, and what they predict."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -132,6 +132,27 @@ class Answer:
         )  # fmt: skip
         record["reproduction"]["seconds"]["trust"] = time.perf_counter() - started
         return record
+
+    def diagnose(
+        self, *, whole: bool = False, progress: Callable[[str], None] | None = None, stop: Callable[[], bool] | None = None
+    ) -> dict[str, Any] | None:
+        """Look for what is missing in the model (docs/diagnosis.md), and give section "diagnosis" of the findings.
+
+        Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white, and takes at
+        most twice the evaluations of the search; None where there is nothing to look for, and for models that are not simulated over
+        time. With `whole` everything is tried, whatever the residual is. `progress` is told what is being tried; the diagnosis ends where
+        `stop` says True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is not
+        simulated over time.
+        """
+        from plantfit.trust.diagnosis import with_diagnosis
+
+        started = time.perf_counter()
+        made = with_diagnosis(self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop)
+        if made is not self.findings:
+            seconds = {**made["reproduction"]["seconds"], "diagnosis": time.perf_counter() - started}
+            made["reproduction"] = {**made["reproduction"], "seconds": seconds}
+            self.__dict__["findings"] = made  # where cached_property keeps it
+        return made["diagnosis"]
 
     # what it predicts
 

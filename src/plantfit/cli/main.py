@@ -57,6 +57,7 @@ Workers = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="A dask scheduler as in tcp://host:8786 does the work, or local for one on this machine.")
 ]
+NoDiagnose = Annotated[bool, typer.Option("--no-diagnose", help="Do not look for what is missing in the model.")]
 STORE = "plantfit.db"
 
 
@@ -117,12 +118,20 @@ def run(
     out: ReportPlace = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    try_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--try", help='Add this to the model, as in --try "dead time of u" (repeat), keep the study file with it, and run that one.'
+        ),
+    ] = None,
+    no_diagnose: NoDiagnose = False,
     json: Json = False,
 ) -> None:
-    """Run a study, keep every run in the store, and write the report. Ctrl-C saves; `plantfit resume` goes on."""
+    """Run a study, keep every run in the store, look for what is missing in its model where the residual is more than noise, and write
+    the report. Ctrl-C saves; `plantfit resume` goes on."""
     from plantfit.cli.commands import studies
 
-    studies.run(specs, store, out, json, workers, scheduler)
+    studies.run(specs, store, out, json, workers, scheduler, try_ or [], not no_diagnose)
 
 
 @app.command()
@@ -130,8 +139,10 @@ def diagnose(
     spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
     out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME-with-....toml if left out.")] = None,
     try_: Annotated[
-        str | None,
-        typer.Option("--try", help='Try only this and write it, as in --try "dead time of u"; any other word lists what there is.'),
+        list[str] | None,
+        typer.Option(
+            "--try", help='Try only this and write it, as in --try "dead time of u" (repeat); any other word lists what there is.'
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
     json: Json = False,
@@ -139,7 +150,7 @@ def diagnose(
     """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
     from plantfit.cli.commands import diagnose as command
 
-    command.diagnose(spec, out, try_, force, json)
+    command.diagnose(spec, out, try_ or [], force, json)
 
 
 @app.command()
@@ -151,12 +162,13 @@ def resume(
     out: ReportPlace = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    no_diagnose: NoDiagnose = False,
     json: Json = False,
 ) -> None:
     """Go on with interrupted studies, bit for bit as if they had not stopped."""
     from plantfit.cli.commands import studies
 
-    studies.resume(study or [], store, out, json, workers, scheduler)
+    studies.resume(study or [], store, out, json, workers, scheduler, not no_diagnose)
 
 
 @app.command()
@@ -181,11 +193,13 @@ def list_(store: StorePlace = STORE, json: Json = False) -> None:
 
 
 @app.command()
-def report(study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, json: Json = False) -> None:
+def report(
+    study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, no_diagnose: NoDiagnose = False, json: Json = False
+) -> None:
     """Write the report of a study again, or print its figures with --json."""
     from plantfit.cli.commands import studies
 
-    studies.report(study, store, out, json)
+    studies.report(study, store, out, json, not no_diagnose)
 
 
 @app.command()

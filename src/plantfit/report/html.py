@@ -20,7 +20,7 @@ from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
 from plantfit.report.schema import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
 from plantfit.report.sections import comparison as comparison_section
-from plantfit.report.sections import sentences, tables, uncertainty_tables
+from plantfit.report.sections import missing, sentences, tables, uncertainty_tables
 
 _UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 CONFIG = {
@@ -148,7 +148,9 @@ def _context(record: Findings) -> dict[str, Any]:
         "scores": tables.scores_table(record.scores),
         "weights": tables.weights_table(record.weights) if record.weights else None,
         "no_validation": sentences.no_validation(record),
-        "tests": [_test(test, drawings) for test in record.residual_tests],
+        "missing": missing.of_findings(record, drawings),
+        "looks": missing.looks(record),
+        "tests": [_test(test, drawings, record.diagnosis is not None and record.diagnosis.named) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
@@ -196,7 +198,7 @@ def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any
     }
 
 
-def _test(test: ResidualTest, drawings: Drawings) -> dict[str, Any]:
+def _test(test: ResidualTest, drawings: Drawings, named: bool) -> dict[str, Any]:
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
     later = lags > 0  # lag 0 is always 1
@@ -205,7 +207,7 @@ def _test(test: ResidualTest, drawings: Drawings) -> dict[str, Any]:
     for name, cross in test.cross.items():
         figure = figures.stem_figure(array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}")
         items.append(drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds."))
-    said = [sentences.whiteness(test), *(sentences.independence(name, cross) for name, cross in test.cross.items())]
+    said = [sentences.whiteness(test), *(sentences.independence(name, cross, named) for name, cross in test.cross.items())]
     good = test.white and all(cross.independent for cross in test.cross.values())
     return {"title": f"{test.recording}: {test.output}", "sentences": said, "figures": items, "good": good}
 

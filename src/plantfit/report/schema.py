@@ -9,7 +9,7 @@ from math import isfinite, prod
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from plantfit.errors import PlantfitError
 
@@ -322,6 +322,58 @@ class Simulation(_Record):
     outputs: dict[str, SimulatedOutput] = {}
 
 
+class Look(_Record):
+    level: Literal["good", "warning", "bad", "info"]
+    recording: str
+    sentence: str
+    begin: Number = None
+    end: Number = None
+    write: str = ""
+
+
+class Tried(_Record):
+    name: str
+    unit: str | None = None
+    value: Number = None
+    standard_error: Number = None
+    explained: Number = None
+    rmse: Number = None
+    rmse_with: Number = None
+    unseen_rmse: Number = None
+    unseen_rmse_with: Number = None
+
+
+class Round(_Record):
+    beside: list[str] = []
+    found: list[str] = []
+    untried: list[str] = []
+    tried: list[Tried] = []
+
+
+class ResidualChange(_Record):
+    recording: str
+    output: str
+    unit: str | None = None
+    t: list[float]
+    before: Values
+    after: Values
+
+
+class Diagnosis(_Record):
+    state: str = ""
+    verdict: list[Sentence] = []
+    rounds: list[Round] = []
+    write: list[str] = []
+    next: str = ""
+    with_: list[str] = Field([], alias="with")
+    residuals: list[ResidualChange] = []
+
+    @property
+    def named(self) -> bool:
+        """Whether something missing was named."""
+        return any(r.found for r in self.rounds)
+
+
 class Reproduction(_Record):
     spec: str | None = None
     seed: int | None = None
@@ -337,6 +389,8 @@ class Findings(_Record):
     recordings: list[Recording] = []
     scores: list[Score] = []
     residual_tests: list[ResidualTest] = []
+    data: list[Look] = []
+    diagnosis: Diagnosis | None = None
     parameters: list[Parameter] = []
     uncertainty: Uncertainty | None = None
     tables: list[OperatingTable] = []

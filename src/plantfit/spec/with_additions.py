@@ -12,14 +12,22 @@ from plantfit.spec.reading import parse
 from plantfit.trust.diagnosis.treatment import Change
 
 
-def with_additions(text: str, path: Path, changes: Sequence[Change], clean: Mapping[str, Sequence[Mapping[str, Any]]] | None = None) -> str:
-    """The text of a study file with `changes`, and steps added to `clean` of recordings by name.
+def with_additions(
+    text: str,
+    path: Path,
+    changes: Sequence[Change],
+    clean: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
+    name: str | None = None,
+) -> str:
+    """The text of a study file with `changes`, steps added to `clean` of recordings by name, and another `name`.
 
     Raises SpecError where the new file could not be read.
     """
     document = tomlkit.parse(text.removeprefix("\ufeff"))
-    for name, steps in (clean or {}).items():
-        own = document["recording"][name]  # type: ignore[index]
+    if name is not None:
+        document["name"] = name
+    for recording, steps in (clean or {}).items():
+        own = document["recording"][recording]  # type: ignore[index]
         own["clean"] = [*own.get("clean", []), *map(dict, steps)]  # type: ignore[index,union-attr]
     model: Any = document["model"]
     extensions = model.get("extensions")

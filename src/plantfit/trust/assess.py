@@ -23,6 +23,7 @@ from plantfit.trust.intervals.following import followed_ranges
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.residual_tests import cross_correlation, independent, whiteness
@@ -61,6 +62,8 @@ def assess(
         "recordings": [_recording(problem, n, predictions[n]) for n in problem.experiments],
         "scores": _scores(problem, predictions),
         "residual_tests": _residual_tests(problem, predictions),
+        "data": [look.record for look in problem_looks(problem)],
+        "diagnosis": None,
         "parameters": rows,
         "uncertainty": uncertainty,
         "standard_errors": {"kind": "robust" if problem.robust else "classical", "in_time": problem.in_time},

@@ -2,14 +2,13 @@
 
 import re
 import shlex
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name
 from plantfit.cli.commands.check import say_looks
-from plantfit.cli.terminal.out import out, print_json, progress_line, verdict
+from plantfit.cli.terminal.out import out, print_json, progress_line, said_line, verdict
 from plantfit.errors import SpecError
 
 if TYPE_CHECKING:
@@ -19,25 +18,16 @@ if TYPE_CHECKING:
 SHOWN = 12  # rows of the table of what was tried
 
 
-def diagnose(path: str, place: str | None, only: str | None, force: bool, json: bool) -> None:
+def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, json: bool) -> None:
     """Fit, diagnose, say it, write the changed study file and fit that one from there."""
     from plantfit import spec
 
     study = spec.load(path)
-    from plantfit.fitting import fit
-    from plantfit.trust.diagnosis import diagnose as tried
     from plantfit.trust.diagnosis import diagnosis_record
     from plantfit.trust.looks import problem_looks
 
-    search = study.plan
-    with progress_line(json) as tell:
-        answer = fit(
-            study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
-            settings=search.settings.get(search.methods[0]), progress=tell,
-        )  # fmt: skip
-    with _said(json) as say:
-        found = tried(answer.problem, answer.best.x, progress=say, only=only)
-    looks = [look.record for look in problem_looks(answer.problem)]
+    found = _tried(study, only, json)
+    looks = [look.record for look in problem_looks(found.carrier.given)]
     record = {**diagnosis_record(found), "data": looks}
     written = _written(study, found, record, place, force, only)
     if json:
@@ -59,48 +49,89 @@ def diagnose(path: str, place: str | None, only: str | None, force: bool, json: 
     out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
 
 
-class _said:
-    """A callback that shows what is being tried on a terminal, in one line that goes away."""
+def added(path: str, names: Sequence[str], json: bool) -> Path:
+    """The study file with these additions, written beside `path` as `plantfit diagnose --try` does; one that is there is kept if it says
+    the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file in its place."""
+    from plantfit import spec
 
-    def __init__(self, quiet: bool) -> None:
-        self.on = not quiet and sys.stderr.isatty()
+    study = spec.load(path)
+    found = _tried(study, names, json)
+    if not all(r.trials for r in found.rounds):
+        raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
+    text, target = _text(study, found, _all(found), _steps(found)), _target(study, _all(found), bool(_steps(found)))
+    if not target.exists():
+        _write(target, text)
+    elif target.read_text(encoding="utf-8", errors="replace") != text:
+        run = f"plantfit run {shlex.quote(shown(target))}"
+        raise SpecError(f"{shown(target)!r} exists already and says something else; run it with `{run}`, or move it away.")
+    return target
 
-    def __enter__(self) -> Callable[[str], None] | None:
-        return self._tell if self.on else None
 
-    def __exit__(self, *_: object) -> None:
-        if self.on:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
+    """Fit a study and try additions: those asked for, which are looked up before the fit, else all."""
+    from plantfit.fitting import fit
+    from plantfit.trust.diagnosis.carrier import rows_of
+    from plantfit.trust.diagnosis.catalogue import catalogue
+    from plantfit.trust.diagnosis.diagnose import chosen, demand_treatable
+    from plantfit.trust.diagnosis.diagnose import diagnose as tried
 
-    def _tell(self, text: str) -> None:
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+    search = study.plan
+    demand_treatable(study.problem)
+    if only:
+        chosen(catalogue(study.problem, rows_of(study.problem)), only)
+    with progress_line(json) as tell:
+        answer = fit(
+            study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
+            settings=search.settings.get(search.methods[0]), progress=tell,
+        )  # fmt: skip
+    with said_line(json) as say:
+        return tried(answer.problem, answer.best.x, progress=say, only=only or None)
+
+
+def _all(found: "Diagnosis") -> "tuple[Trial, ...]":
+    """The best of every round, whatever it explains: of additions that were asked for all."""
+    return tuple(r.trials[0] for r in found.rounds if r.trials)
 
 
 def _written(
-    study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: str | None
+    study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: Sequence[str]
 ) -> dict[str, Any]:
     """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
-    from plantfit.spec import parse, with_additions
+    from plantfit.spec import parse
     from plantfit.trust.diagnosis import change_of
     from plantfit.trust.diagnosis.treatment import addition_lines
 
-    trials = found.found if only is None else found.rounds[0].trials
-    clean = _steps(found)
+    trials, clean = _all(found) if only else found.found, _steps(found)
     if not trials and not clean:
         return {}
-    changes = [change_of(found, t) for t in trials]
-    record["write"] = addition_lines(changes)
-    target = Path(place) if place else study.path.with_name(_name(study.name, trials, bool(clean)))
+    record["write"] = addition_lines([change_of(found, t) for t in trials])
+    target = Path(place) if place else _target(study, trials, bool(clean))
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
-    text = with_additions(study.text, study.path, changes, clean)
+    text = _text(study, found, trials, clean)
+    _write(target, text)
+    return {"file": shown(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
+
+
+def _text(study: "Study", found: "Diagnosis", trials: "tuple[Trial, ...]", clean: Mapping[str, Any]) -> str:
+    """The changed study file; its name says what was added, so that its report and its study do not take the place of the first."""
+    from plantfit.spec import with_additions
+    from plantfit.trust.diagnosis import change_of
+
+    name = f"{study.name} with {' and '.join(_parts(trials, bool(clean)))}"
+    return with_additions(study.text, study.path, [change_of(found, t) for t in trials], clean, name)
+
+
+def _write(target: Path, text: str) -> None:
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
         raise SpecError(f"{str(target)!r} cannot be written ({error.strerror}); give another place with --out.") from None
-    if target.is_absolute() and target.is_relative_to(Path.cwd()):
-        target = target.relative_to(Path.cwd())
-    return {"file": str(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
+
+
+def shown(target: Path) -> str:
+    """A file as a command would name it from here."""
+    return str(target.relative_to(Path.cwd()) if target.is_absolute() and target.is_relative_to(Path.cwd()) else target)
 
 
 def _steps(found: "Diagnosis") -> dict[str, list[dict[str, Any]]]:
@@ -115,9 +146,13 @@ def _steps(found: "Diagnosis") -> dict[str, list[dict[str, Any]]]:
     return steps
 
 
-def _name(name: str, trials: "tuple[Trial, ...]", clean: bool) -> str:
-    parts = [re.sub(r"\W+", "-", t.extension.name) for t in trials] + (["outliers-dropped"] if clean else [])
-    return f"{Path(file_name(name, 'toml')).stem}-with-{'-and-'.join(parts)}.toml"
+def _target(study: "Study", trials: "tuple[Trial, ...]", clean: bool) -> Path:
+    parts = "-and-".join(re.sub(r"\W+", "-", part) for part in _parts(trials, clean))
+    return study.path.with_name(f"{Path(file_name(study.name, 'toml')).stem}-with-{parts}.toml")
+
+
+def _parts(trials: "tuple[Trial, ...]", clean: bool) -> list[str]:
+    return [t.extension.name for t in trials] + (["outliers dropped"] if clean else [])
 
 
 def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
@@ -179,4 +214,4 @@ def _table(record: Mapping[str, Any]) -> None:
         out.print(f"and {more} more that explain less", markup=False)
 
 
-__all__ = ["diagnose"]
+__all__ = ["added", "diagnose"]

@@ -7,25 +7,41 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
-from plantfit.cli.terminal.out import out, print_json, verdict, warn
+from plantfit.cli.commands.check import say_looks
+from plantfit.cli.terminal.interrupts import stoppable
+from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
-from plantfit.errors import Interrupted, StoreError
+from plantfit.errors import Interrupted, SpecError, StoreError
 from plantfit.study.store.addresses import shown
 
 
-def run(paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
-    """Run study files from their beginning."""
+def run(
+    paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None,
+    additions: Sequence[str] = (), diagnose: bool = True,
+) -> None:  # fmt: skip
+    """Run study files from their beginning; with `additions` the one file with these added to its model."""
     from plantfit import spec as specs
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
+    if additions:
+        if len(paths) > 1:
+            raise SpecError("--try changes one study file; give one, or run the others by themselves.")
+        from plantfit.cli.commands.diagnose import added
+        from plantfit.cli.commands.diagnose import shown as named
+
+        paths = [named(added(paths[0], additions, json))]
+        if not json:
+            out.print(f"Runs {paths[0]}, the study file with {' and '.join(additions)}.", markup=False)
     read = [specs.load(path) for path in paths]
     from plantfit.study import Store  # sqlalchemy, after the study files were understood
 
     places = report_places([study.name for study in read], place)
-    _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler)
+    _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler, diagnose)
 
 
-def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None) -> None:
+def resume(
+    numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None, diagnose: bool = True
+) -> None:
     """Go on with unfinished studies."""
     from plantfit.study import Store
 
@@ -34,7 +50,8 @@ def resume(numbers: Sequence[int], store: str, place: str | None, json: bool, wo
     records = [opened.study(n) for n in dict.fromkeys(numbers)] or [_record(opened, None, store, unfinished=True)]
     read = [_study(record) for record in records]
     places = report_places([study.name for study in read], place)
-    _work([ready(study, record.id) for study, record in zip(read, records, strict=True)], opened, store, places, json, workers, scheduler)
+    chosen = [ready(study, record.id) for study, record in zip(read, records, strict=True)]
+    _work(chosen, opened, store, places, json, workers, scheduler, diagnose)
 
 
 def listed(store: str, json: bool) -> None:
@@ -67,11 +84,11 @@ def listed(store: str, json: bool) -> None:
     out.print(table)
 
 
-def report(number: int | None, store: str, place: str | None, json: bool) -> None:
+def report(number: int | None, store: str, place: str | None, json: bool, diagnose: bool = True) -> None:
     """The report of a stored study."""
     study, answer = stored_answer(number, store)
     (to,) = report_places([study.name], place)
-    said = _deliver(answer, to, study.name, json)
+    said = _deliver(answer, to, study, json, diagnose)
     if json:
         print_json(said)
 
@@ -86,7 +103,9 @@ def stored_answer(number: int | None, store: str):
     return study, _answer(study, opened, record.id, {})
 
 
-def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None) -> None:
+def _work(
+    chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None, diagnose: bool
+) -> None:
     started = time.perf_counter()
     numbers, stopped = search(opened, chosen, workers, scheduler, json)
     searched = time.perf_counter() - started
@@ -96,7 +115,8 @@ def _work(chosen, opened, store: str, places: Sequence[Path], json: bool, worker
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.seconds, "search": searched}
-        said.append(_deliver(_answer(one.study, opened, number, seconds, one.problem), place, one.study.name, json, len(chosen) > 1))
+        answer = _answer(one.study, opened, number, seconds, one.problem)
+        said.append(_deliver(answer, place, one.study, json, diagnose, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
 
@@ -113,26 +133,48 @@ def _answer(study, opened, number: int, seconds, problem=None):
     return answer_of(opened, opened.study(number), study, seconds, problem)
 
 
-def _deliver(answer, place: Path, name: str, json: bool, several: bool = False) -> dict[str, Any]:
-    """Write the report and say the verdict; gives back what `--json` prints."""
+def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:
+    """Judge, diagnose, write the report and say the verdict; gives back what `--json` prints."""
     from plantfit.report import uncertainty_text
 
+    name = study.name
     if answer.errors and answer.draws:
         warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
+    if diagnose and study.table.diagnose:
+        _diagnosed(answer, json)
     path = answer.report(place)
     if not json:
         if several:
             out.print(f"\n{name}", markup=False, style="bold")
         verdict(answer.findings)
+        say_looks(answer.findings["data"])
         if answer.errors:
             out.print(f"\n{uncertainty_text(answer.findings)}", markup=False)
+        if (answer.findings["diagnosis"] or {}).get("next"):
+            out.print(f"\nNext: {answer.findings['diagnosis']['next']}", markup=False)
         out.print(f"\nReport: {path}", markup=False)
     return {**_short(answer.findings), "report": str(path)}
 
 
+def _diagnosed(answer, quiet: bool) -> None:
+    """Look for what is missing in the model where the findings ask for it. The answer is kept already: Ctrl-C ends the diagnosis alone."""
+    _ = answer.findings
+    with (
+        said_line(quiet) as tell,
+        stoppable("Stopping the diagnosis; the answer is kept. Ctrl-C again stops at once.", lambda: _KEPT) as stop,
+    ):
+        answer.diagnose(progress=None if tell is None else lambda text: tell(f"diagnosis: {text}"), stop=stop)
+
+
+_KEPT = "Stopped at once; the study is kept, and `plantfit report` writes its report."
+
+
 def _short(findings: dict[str, Any]) -> dict[str, Any]:
     """The findings without the samples."""
-    return {**findings, "recordings": [{"name": r["name"], "log": r["log"]} for r in findings["recordings"]]}
+    short = {**findings, "recordings": [{"name": r["name"], "log": r["log"]} for r in findings["recordings"]]}
+    if findings["diagnosis"] is not None:
+        short["diagnosis"] = {k: v for k, v in findings["diagnosis"].items() if k != "residuals"}
+    return short
 
 
 def _record(opened, number: int | None, store: str, unfinished: bool = False):

@@ -74,6 +74,21 @@ def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], Non
 
 
 @contextmanager
+def said_line(quiet: bool = False) -> Iterator[Callable[[str], None] | None]:
+    """What is being done, on standard error: one live line on a terminal, else a plain line every 30 s; yields its callback."""
+    if quiet:
+        yield None
+        return
+    if not sys.stderr.isatty():
+        yield log_lines(lambda text: ("", text))
+        return
+    try:
+        yield lambda text: print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
 def progress_line(quiet: bool = False) -> Iterator[Any]:
     """Progress on standard error: a live line on a terminal, else a plain line every 30 s; yields the callback of a study or a search."""
     if quiet:

@@ -75,8 +75,10 @@ def whiteness(test: ResidualTest) -> str:
     )
 
 
-def independence(name: str, cross: Cross) -> str:
-    """Whether an input still shows in the residuals."""
+def independence(name: str, cross: Cross, named: bool = False) -> str:
+    """Whether an input still shows in the residuals; what that means is left to the diagnosis where it `named` what is missing."""
+    if named:
+        return f"No correlation with {name} beyond chance." if cross.independent else f"Still correlated with {name}."
     if cross.independent:
         return f"Independent of {name}."
     return f"Still depends on {name}: some effect of this input is missing from the model."

@@ -1,7 +1,21 @@
 """What is missing in a model: additions tried on the fitted problem, judged by unseen data."""
 
 from plantfit.trust.diagnosis.diagnose import Diagnosis, Trial, diagnose
+from plantfit.trust.diagnosis.meter import Meter, Stopped
+from plantfit.trust.diagnosis.phase import asked_for, with_diagnosis
 from plantfit.trust.diagnosis.sentences import diagnosis_record
 from plantfit.trust.diagnosis.treatment import Change, change_of, changed
 
-__all__ = ["Change", "Diagnosis", "Trial", "change_of", "changed", "diagnose", "diagnosis_record"]
+__all__ = [
+    "Change",
+    "Diagnosis",
+    "Meter",
+    "Stopped",
+    "Trial",
+    "asked_for",
+    "change_of",
+    "changed",
+    "diagnose",
+    "diagnosis_record",
+    "with_diagnosis",
+]

@@ -5,7 +5,7 @@ parameters of the compiled model whose effect is nothing at zero. So all additio
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.space import Parameter
+from plantfit.trust.diagnosis.meter import Meter
 
 WIDE = 50.0  # bounds of an effect inside the plant, in sizes that would be seen at once
 CREEP = 0.02  # of the spread of a velocity: where dry friction is whole
@@ -54,10 +55,11 @@ class Carrier:
     inside: Mapping[tuple[str, str], tuple[int, ...]]
     creeps: Mapping[str, float]
     inputs: Inputs
+    meter: Meter = field(default_factory=Meter)
 
     @classmethod
-    def of(cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]]) -> "Carrier":
-        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states."""
+    def of(cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], meter: Meter | None = None) -> "Carrier":
+        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states; `meter` counts what it does."""
         model = problem.model
         assert isinstance(model, Model)
         sizes = _sizes(problem, z)
@@ -94,8 +96,13 @@ class Carrier:
             for kind, states in kinds.items()
             for s in states
         }
-        carrier = cls(made, problem, _rows(problem), np.asarray(z, dtype=float), len(order), inside, creeps, inputs)
-        return carrier
+        z = np.asarray(z, dtype=float)
+        return cls(made, problem, rows_of(problem), z, len(order), inside, creeps, inputs, meter or Meter())
+
+    @property
+    def charge(self) -> float:
+        """Of one call of `at`, in evaluations of the cost."""
+        return self.problem.jacobian_charge
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,6 +111,7 @@ class Carrier:
 
     def at(self, x: np.ndarray, inputs: Inputs | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in their units."""
+        self.meter.charge(self.charge)
         space = self.problem.space
         places = np.array([space.names.index(n) for n in self.names])
         width = np.where(np.arange(len(x)) < self.own, 1.0, (space.upper - space.lower)[places])
@@ -131,7 +139,7 @@ class Carrier:
         return made
 
 
-def _rows(problem: Problem) -> Rows:
+def rows_of(problem: Problem) -> Rows:
     """Rows in the order in which the problem writes residuals of whole records."""
     found: dict[str, list[np.ndarray]] = {k: [] for k in ("recording", "output", "sample", "measured", "fit", "unseen", "weight")}
     for n, e in problem.experiments.items():

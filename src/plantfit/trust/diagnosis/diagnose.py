@@ -11,10 +11,11 @@ from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.models.text.suggest import suggest
 from plantfit.problem.problem import Problem
-from plantfit.trust.diagnosis.carrier import Carrier
+from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
 from plantfit.trust.diagnosis.hypothesis import Fitted, fitted
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
+from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.outliers import outlying
 
 QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in full, additions that may be named one after the other
@@ -22,6 +23,10 @@ ALIKE = 8.0  # evidence for one of two additions below which the record does not
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
 STRONG = 3.0  # times the evidence that is needed: "very likely"
+TRYING, FITTING = (
+    0.65,
+    0.85,
+)  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,17 @@ class Trial:
 
 @dataclass(frozen=True)
 class Round:
-    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike."""
+    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
+
+    `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
+    """
 
     given: tuple[Extension, ...]
     trials: tuple[Trial, ...]
     found: tuple[Trial, ...]
     needed: float
+    untried: tuple[Extension, ...] = ()
+    whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -66,15 +76,17 @@ class Outliers:
 @dataclass(frozen=True)
 class Diagnosis:
     """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
-    were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen."""
+    were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
+    `evaluations` of the cost were spent. It is `whole` where the work allowed was enough for everything."""
 
     carrier: Carrier
     base: Fitted
     apart: np.ndarray
     rounds: tuple[Round, ...]
     outliers: Outliers
-    evaluations: int
+    evaluations: float
     unseen_blocks: bool
+    whole: bool = True
 
     @property
     def found(self) -> tuple[Trial, ...]:
@@ -95,20 +107,22 @@ def diagnose(
     z: np.ndarray,
     progress: Callable[[str], None] | None = None,
     rounds: int = ROUNDS,
-    only: str | None = None,
+    only: str | Sequence[str] | None = None,
+    meter: Meter | None = None,
 ) -> Diagnosis:
     """Try every addition of the catalogue at the answer z (d,) of a problem, and name those that the data ask for.
 
-    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one alone is tried.
-    `progress` is told what is being tried. Raises ModelError for a model that is not simulated over time, and for an addition that the
-    catalogue does not have.
+    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one alone is tried; of
+    several each beside those before it. `progress` is told what is being tried. A `meter` limits the work: what takes least is tried
+    first. Raises ModelError for a model that is not simulated over time, and for an addition that the catalogue does not have; Stopped
+    where the meter is asked to stop.
     """
-    model = problem.model
-    if not isinstance(model, Model) or not problem.predictor.has_steps or any(e.steady for e in problem.experiments.values()):
-        raise ModelError(f"Diagnosis is for models that are simulated over time, and {model.name!r} is not; look at its residuals instead.")
-    say = progress or (lambda text: None)
+    demand_treatable(problem)
+    say, meter = progress or (lambda text: None), meter or Meter()
     problem = problem.unsmoothed
-    carrier = Carrier.of(problem, z, inside_kinds(problem))
+    extensions = catalogue(problem, rows_of(problem))
+    wanted = None if only is None else chosen(extensions, [only] if isinstance(only, str) else only)
+    carrier = Carrier.of(problem, z, inside_kinds(problem), meter)
     say("preparing")
     rows = carrier.rows
     base = fitted(carrier, (), carrier.x, np.zeros(0), rows.fit)
@@ -118,13 +132,20 @@ def diagnose(
     outliers = _outliers(base, apart, carrier)
     if apart.any():
         base = fitted(carrier, (), base.x, np.zeros(0), use)
-    extensions, made, count = catalogue(problem, rows), [], base.evaluations
-    if only is not None:
-        extensions, rounds = _only(extensions, only), 1
-    bare, waiting = base, False
+    made: list[Round] = []
+    bare, waiting, whole, taken = base, False, True, 0.0
+    if wanted is not None:
+        for e in wanted:
+            made.append(_round(carrier, base, [e], use, kept, say))
+            base = (made[-1].trials[0].at if made[-1].trials else None) or base
+        return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept))
     for _ in range(rounds):
-        one, used = _round(carrier, base, extensions, use, kept, say)
-        count += used
+        before = meter.spent
+        if made and not meter.holds(taken):
+            whole = False
+            break
+        one = _round(carrier, base, extensions, use, kept, say)
+        taken = meter.spent - before
         if waiting:  # neither of two was enough alone; both are named where they are enough together
             both = _together(carrier, bare, made[-1], one, use, kept)
             if both is None:
@@ -137,7 +158,21 @@ def diagnose(
         if following is None:
             break
         base = following
-    return Diagnosis(carrier, bare, apart, tuple(made), outliers, count, not validated(rows, kept))
+    whole = whole and all(r.whole for r in made)
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole)
+
+
+def treatable(problem: Problem) -> bool:
+    """Whether a problem is one of models that are simulated over time."""
+    moving = not any(e.steady for e in problem.experiments.values())
+    return isinstance(problem.model, Model) and problem.predictor.has_steps and moving
+
+
+def demand_treatable(problem: Problem) -> None:
+    """Raises ModelError for a problem that is not `treatable`."""
+    if not treatable(problem):
+        name = problem.model.name
+        raise ModelError(f"Diagnosis is for models that are simulated over time, and {name!r} is not; look at its residuals instead.")
 
 
 def _together(carrier: Carrier, bare: Fitted, first: Round, second: Round, use: np.ndarray, kept: np.ndarray) -> tuple[Round, Round] | None:
@@ -164,12 +199,13 @@ def _judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.
     return replace(t, unseen=1.0 - later.extended / later.base, unseen_rmse=roots, standard_error=error)
 
 
-def _only(extensions: Sequence[Extension], name: str) -> list[Extension]:
-    found = [e for e in extensions if e.name == name.strip()]
-    if not found:
-        names = [e.name for e in extensions]
-        raise ModelError(f"There is no {name!r} to try.{suggest(name, names)} There are: {', '.join(names)}.")
-    return found
+def chosen(extensions: Sequence[Extension], names: Sequence[str]) -> list[Extension]:
+    """The additions of these names, each once. Raises ModelError for one that there is not, and lists those that there are."""
+    by_name = {e.name: e for e in extensions}
+    for name in names:
+        if name.strip() not in by_name:
+            raise ModelError(f"There is no {name!r} to try.{suggest(name, list(by_name))} There are: {', '.join(by_name)}.")
+    return [by_name[n] for n in dict.fromkeys(name.strip() for name in names)]
 
 
 def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
@@ -181,15 +217,18 @@ def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
     return Outliers(counts, share)
 
 
-def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any):
-    left = [e for e in extensions if e not in base.additions]
-    tried, count = [], 0
-    for e in left:
+def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any) -> Round:
+    left, meter = [e for e in extensions if e not in base.additions], carrier.meter
+    tried, untried, begun, whole = [], [], meter.spent, True
+    for e in sorted(left, key=_price):
+        if not meter.holds(_price(e) * carrier.charge, TRYING, begun):
+            untried.append(e)
+            continue
         say(f"trying {e.name}")
-        one, used = _tried(carrier, base, e, use)
-        count += used
+        one = _tried(carrier, base, e, use)
         if one is not None:
             tried.append((e, one))
+    tried.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
     tried.sort(key=lambda pair: pair[1].cost(use))
     before, n = base.cost(use), int(use.sum())
     unit = _scale(carrier)
@@ -197,10 +236,12 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
     limit, trials = needed(len(left)), []
     for k, (e, one) in enumerate(tried):
         if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
-            say(f"fitting with {e.name}")
-            full = fitted(carrier, one.additions, one.x, one.theta, use)
-            one = full if full.cost(use) < one.cost(use) else one
-            count += full.evaluations
+            if k == 0 or meter.holds(0.0, FITTING, begun):
+                say(f"fitting with {e.name}")
+                full = fitted(carrier, one.additions, one.x, one.theta, use)
+                one = full if full.cost(use) < one.cost(use) else one
+            else:
+                whole = False
         trials.append((e, one))
     trials.sort(key=lambda pair: pair[1].cost(use))
     judged = []
@@ -208,11 +249,22 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
         explained = max(0.0, 1.0 - one.cost(use) / before)
         rmse = root(before / n), root(one.cost(use) / n)
         told = evidence(base, one, carrier.rows, use)
+        trial = Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one)
         if k < FINALISTS and explained >= LEAST and told >= limit:
-            judged.append(_judged(carrier, base, Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one), use, kept))
-        else:
-            judged.append(Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one))
-    return Round(base.additions, tuple(judged), _found(carrier, judged, extensions, use), limit), count
+            if k == 0 or meter.holds(0.0):
+                say(f"judging {e.name}")
+                trial = _judged(carrier, base, trial, use, kept)
+            else:
+                whole = False
+        judged.append(trial)
+    found = _found(carrier, judged, extensions, use)
+    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried)
+
+
+def _price(e: Extension) -> int:
+    """Simulations with derivatives that a first try of an addition takes at most."""
+    differenced = e.place != "inside" and e.kind not in ("offset", "drift", "sensor_high", "sensor_low")
+    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + differenced)
 
 
 def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
@@ -231,15 +283,14 @@ def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Exten
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
 
 
-def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> tuple[Fitted | None, int]:
-    """The best short fit with an addition from its starts, and the evaluations spent."""
-    additions, best, count = (*base.additions, e), None, 0
+def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
+    """The best short fit with an addition from its starts."""
+    additions, best = (*base.additions, e), None
     for start in (0.0,) if e.linear else e.starts:
         one = fitted(carrier, additions, base.x, np.r_[base.theta, start], use, QUICK)
-        count += one.evaluations
         if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
             best = one
-    return best, count
+    return best
 
 
 def _scale(carrier: Carrier) -> float:

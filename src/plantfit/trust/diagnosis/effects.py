@@ -1,7 +1,7 @@
 """What additions do to a recorded input, or to a simulated output with its derivatives: plain arrays over the samples of a recording."""
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy  # its room for signals is slow to import, and few additions need it
 
 
 def late(t: np.ndarray, u: np.ndarray, delay: float, held: bool) -> np.ndarray:
@@ -40,7 +40,7 @@ def behind(t: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
 def _recursion(decay: np.ndarray, gain: np.ndarray, first: float) -> np.ndarray:
     """x[k + 1] = decay[k] x[k] + gain[k]."""
     if len(decay) and np.ptp(decay) <= 1e-9:
-        return np.r_[first, lfilter([1.0], [1.0, -decay[0]], gain, zi=[decay[0] * first])[0]]
+        return np.r_[first, scipy.signal.lfilter([1.0], [1.0, -decay[0]], gain, zi=[decay[0] * first])[0]]
     x = np.empty(len(decay) + 1)
     x[0] = first
     for k, (a, b) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):

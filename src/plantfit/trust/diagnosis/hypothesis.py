@@ -26,7 +26,6 @@ class Fitted:
     theta: np.ndarray
     residuals: np.ndarray
     jacobian: np.ndarray
-    evaluations: int
 
     def cost(self, rows: np.ndarray) -> float:
         """Sum of squares over rows (m,) bool."""
@@ -125,20 +124,16 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
                 low[i], high[i] = a.low, a.high
         else:
             low[n + k], high[n + k] = a.low, a.high
-    count = 0
 
-    def whole(point: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal count
-        count += 1
+    def whole(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, jacobian = evaluate(carrier, additions, point[:n], point[n:])
-        for k, a in enumerate(additions) if slopes else ():
+        for k, a in enumerate(additions):
             if a.place == "inside" or a.kind in ("offset", "drift", "sensor_high", "sensor_low"):
                 continue
             size = STEP * max(abs(point[n + k]), 1e-3 * min(a.high - a.low, 1e300))
             size = -size if point[n + k] + size > a.high else size
             moved = point.copy()
             moved[n + k] += size
-            count += 1
             jacobian[:, n + k] = (evaluate(carrier, additions, moved[:n], moved[n:])[0] - r) / size
         return r, jacobian
 
@@ -165,4 +160,4 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
             damping *= GROWTH**2
             if damping > 1e4:
                 break
-    return Fitted(additions, point[:n], point[n:], r, jacobian, count)
+    return Fitted(additions, point[:n], point[n:], r, jacobian)

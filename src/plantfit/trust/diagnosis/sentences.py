@@ -30,11 +30,14 @@ _PHRASES = {
 }
 
 
-def diagnosis_record(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines."""
+def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]:
+    """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines.
+
+    Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain.
+    """
     return {
         "name": diagnosis.carrier.given.name,
-        "verdict": list(_sentences(diagnosis)),
+        "verdict": list(_sentences(diagnosis, alone)),
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
         "rounds": [_round(diagnosis, r) for r in diagnosis.rounds],
         "write": addition_lines(changed(diagnosis)),
@@ -47,6 +50,8 @@ def _round(diagnosis: Diagnosis, one: Round) -> dict[str, Any]:
         "beside": [e.name for e in one.given],
         "needed": one.needed,
         "found": [t.extension.name for t in one.found],
+        "untried": [e.name for e in one.untried],
+        "whole": one.whole,
         "tried": [_trial(t) for t in one.trials],
     }
 
@@ -60,7 +65,7 @@ def _trial(t: Trial) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _sentences(d: Diagnosis) -> Iterator[Sentence]:
+def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
     if d.outliers.named:
         for output, (count, total) in d.outliers.counts.items():
             if count:
@@ -68,7 +73,7 @@ def _sentences(d: Diagnosis) -> Iterator[Sentence]:
                 yield say(
                     "warning",
                     f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of the squares of the "
-                    "residual: outliers, left out of what follows. drop_outliers under clean takes them away.",
+                    "residual: outliers, which this diagnosis leaves out. drop_outliers under clean takes them away.",
                     count=count,
                     share=d.outliers.share,
                 )
@@ -76,21 +81,24 @@ def _sentences(d: Diagnosis) -> Iterator[Sentence]:
         if one.found:
             yield _found(d, one, k)
     if not d.found:
-        yield _nothing(d)
+        yield _nothing(d, alone)
     last = d.rounds[-1]
     if d.found and not last.found and last.trials:
         yield say("info", f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.", explained=_best(last))
-    yield from _left(d)
+    if alone or d.found:
+        yield from _left(d)
 
 
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
-    likely = "very likely" if sure else "likely"
+    likely = "very likely" if sure and one.whole else "likely" if one.whole else "possibly"
     left = "what is left" if k == 0 else "what is then left"
     text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
-    if len(one.found) == 1:
+    if one.untried:
+        text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
+    elif len(one.found) == 1:
         text += f": {likely} missing."
     else:
         others = ", ".join(f"{_phrase(t)} ({_percent(t.explained)})" for t in one.found[1:])
@@ -109,14 +117,14 @@ def _figures(d: Diagnosis, t: Trial) -> str:
     return f"{text}; {where} {number(t.unseen_rmse[0])} to {number(t.unseen_rmse[1])}"
 
 
-def _nothing(d: Diagnosis) -> Sentence:
+def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
     text = f"Nothing that was tried explains more than {_percent(best)} of what is left ({len(first.trials)} additions to the model)"
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
         text += ", and none of it is more than chance or holds on unseen data"
-    return say("good" if best < 0.05 else "info", text + ".", explained=best)
+    return say("good" if alone and best < 0.05 else "info", text + ".", explained=best)
 
 
 def _best(one: Round) -> float:

@@ -20,6 +20,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
     return [
         *fit_sentences(findings),
         *unseen_sentences(findings),
+        *(findings.get("diagnosis") or {}).get("verdict", []),
         *_agreement(findings, best),
         *parameter_sentences(findings),
         *uncertainty_sentences(findings),

@@ -8,6 +8,8 @@ import numpy as np
 from plantfit.trust.validate.residual_tests import white_part
 from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit, worst
 
+FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
+
 Findings = Mapping[str, Any]
 Row = Mapping[str, Any]
 
@@ -34,8 +36,11 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
 
 
 def noise_sentences(findings: Findings) -> Iterator[Sentence]:
-    """How far the fit is from the noise floor."""
-    yield from _each_output(findings, list(_noise_rows(findings)), _noise, _noises)
+    """How far the fit is from the noise floor; where something missing was named, jumps of the residual pass for noise, and the diagnosis
+    says what is left."""
+    if _diagnosed(findings)["named"]:
+        return
+    yield from _each_output(findings, list(noise_rows(findings)), _noise, _noises)
 
 
 def _each_output(
@@ -104,7 +109,7 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
-    text = f"{text}, {ratio:.2f} times that of the fitted samples: {_HOLDS[level]}.{_shift(row)}"
+    text = f"{text}, {ratio:.2f} times that of the fitted samples: {_HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
 
 
@@ -126,16 +131,20 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
     )
 
 
-def _shift(row: Row) -> str:
+def _diagnosed(findings: Findings) -> dict[str, bool]:
+    """Whether additions to the model were tried, and whether one was named: then no other sentence guesses at causes."""
+    rounds = (findings.get("diagnosis") or {}).get("rounds", [])
+    return {"tried": bool(rounds), "named": any(r["found"] for r in rounds)}
+
+
+def _shift(findings: Findings, row: Row) -> str:
     """A constant error that makes up much of the unseen error: drift rather than dynamics."""
     if abs(row["bias"]) < 0.4 * row["rmse"]:
         return ""
     rest = max(row["rmse"] ** 2 - row["bias"] ** 2, 0.0) ** 0.5
     shift = with_unit(abs(row["bias"]), row["unit"])
-    return (
-        f" A constant shift of {shift} is part of it (a drift, or an offset that changed); "
-        f"without it {with_unit(rest, row['unit'])} remain."
-    )
+    guess = "" if _diagnosed(findings)["named"] else " (a drift, or an offset that changed)"
+    return f" A constant shift of {shift} is part of it{guess}; without it {with_unit(rest, row['unit'])} remain."
 
 
 def _next(row: Row) -> float:
@@ -168,8 +177,11 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         f"standard errors {_allow(findings)}, and something systematic is missing"
     )
     left = [i for i, c in row["cross"].items() if not c["independent"]]
+    known = _diagnosed(findings)
     text += (
-        f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
+        "."
+        if known["named"] or (known["tried"] and not left)
+        else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
         if row["cross"]
@@ -191,12 +203,13 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
-        left = [r for r in coloured if any(not c["independent"] for c in r["cross"].values())]
+        named = _diagnosed(findings)["named"]
+        left = [] if named else [r for r in coloured if any(not c["independent"] for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 
 
-def _noise_rows(findings: Findings) -> Iterator[Row]:
+def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
     for record in findings["recordings"]:
         for name, o in record["outputs"].items():
@@ -216,13 +229,13 @@ def _noise(findings: Findings, row: Row) -> Sentence:
         f"Sample-to-sample noise of {_where(findings, row)} is about {with_unit(row['noise'], row['unit'])}; "
         f"the residual is {row['ratio']:.1f} times that"
     )
-    floor = row["ratio"] < 1.2
+    floor = row["ratio"] < FLOOR
     end = ": the fit is at the noise floor." if floor else ", so a better model could still gain."
     return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
 
 
 def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
-    above = [r for r in rows if r["ratio"] >= 1.2]
+    above = [r for r in rows if r["ratio"] >= FLOOR]
     noise, most = max(r["noise"] for r in rows), max(r["ratio"] for r in rows)
     text = f"Sample-to-sample noise of {output} is about {span([r['noise'] for r in rows], rows[0]['unit'])}; "
     if above:

@@ -1,0 +1,139 @@
+"""The diagnosis of an answer that was judged: whether its findings ask for one, how much work it may be, and what they say then."""
+
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import ModelError
+from plantfit.optimize.contract import RunResult
+from plantfit.problem.problem import Problem
+from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
+from plantfit.trust.diagnosis.hypothesis import Fitted
+from plantfit.trust.diagnosis.meter import Meter, Stopped
+from plantfit.trust.diagnosis.sentences import diagnosis_record
+from plantfit.trust.verdict.all_sentences import sentences
+from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
+from plantfit.trust.verdict.fit import noise_rows
+from plantfit.trust.verdict.words import Sentence, say
+
+Findings = dict[str, Any]
+
+TIMES = 2.0  # the evaluations of the search
+FLOOR_SAMPLES = 2e6  # simulated samples that are allowed after the shortest search, a second or two
+MOST, LONGEST = 60, 100_000  # coordinates and residuals beyond which one evaluation is not what it costs
+DRAWN = 0.05  # of the mean square: what explains less is not drawn
+
+
+def asked_for(findings: Mapping[str, Any]) -> bool:
+    """Whether the residual of some output is above its noise or not white."""
+    return any(not r["white"] for r in findings["residual_tests"]) or any(r["ratio"] >= AT_NOISE for r in noise_rows(findings))
+
+
+def with_diagnosis(
+    problem: Problem,
+    runs: Sequence[RunResult],
+    findings: Findings,
+    *,
+    whole: bool = False,
+    progress: Callable[[str], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Findings:
+    """The findings of an answer with section "diagnosis" and the verdict that goes with it.
+
+    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The work is about
+    twice the evaluations that `runs` spent, or those that simulate two million samples if that is more, and none for problems of over
+    60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings say. `stop` ends it, and the findings then say
+    so. Raises ModelError only with `whole`, for a model that is not simulated over time.
+    """
+    if not whole and not (asked_for(findings) and treatable(problem)):
+        return findings
+    best = min(runs, key=lambda r: r.cost)
+    count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
+    command = _command(findings)
+    if not whole and (problem.space.dimension > MOST or count > LONGEST):
+        size = f"{problem.space.dimension} parameters on {count} samples"
+        text = f"What may be missing was not tried, as {size} take long; {command} does it."
+        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
+    allowed = max(TIMES * sum(float(r.evaluations) for r in runs), FLOOR_SAMPLES / max(count, 1))
+    meter = Meter(float("inf") if whole else allowed, stop)
+    try:
+        found = diagnose(problem, best.x, progress, meter=meter)
+    except Stopped:
+        text = f"The search for what may be missing was stopped; {command} does it."
+        return _said(findings, best, {"state": "stopped", "verdict": [say("info", text)]})
+    except ModelError:
+        if whole:
+            raise
+        return findings  # nothing can be added to this model
+    record = diagnosis_record(found, alone=False)
+    record["verdict"] += _cut(found, command)
+    more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
+    return _said(findings, best, {**record, **more, "next": _next(found, findings)})
+
+
+def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Findings:
+    made = {**findings, "diagnosis": {**_EMPTY, **diagnosis}}
+    return {**made, "verdict": sentences(made, best)}
+
+
+_EMPTY = {"rounds": [], "outliers": None, "write": [], "evaluations": 0.0, "allowed": None, "with": [], "residuals": [], "next": ""}
+
+
+def _command(findings: Mapping[str, Any]) -> str:
+    """What makes a whole diagnosis of this study."""
+    file = _file(findings)
+    return f"`plantfit diagnose {shlex.quote(file)}`" if file else "`answer.diagnose(whole=True)`"
+
+
+def _file(findings: Mapping[str, Any]) -> str:
+    command = findings.get("reproduction", {}).get("command", "")
+    return command.removeprefix("plantfit run ") if command.startswith("plantfit run ") else ""
+
+
+def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
+    """The command that fits the model with what was found; "" without a study file."""
+    file = _file(findings)
+    if not file or not found.found:
+        return ""
+    return " ".join(["plantfit run", shlex.quote(file), *(f'--try "{t.extension.name}"' for t in found.found)])
+
+
+def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
+    """What the work allowed was not enough for."""
+    if found.whole:
+        return
+    first, limit = found.rounds[0], f"within the {found.carrier.meter.limit:.0f} evaluations that it may take"
+    tried, untried = len(first.trials), len(first.untried)
+    if untried:
+        yield say("info", f"{tried} of {tried + untried} additions to the model were tried {limit}; {command} tries the rest.", tried=tried)
+    elif found.found:
+        yield say("info", f"What may be missing beside that was not tried in full {limit}; {command} does it.", tried=tried)
+
+
+def _after(found: Diagnosis) -> dict[str, Any]:
+    """Residuals (measured minus simulated) of the model as it is and with what was found, else with what explains most, if that is
+    worth a drawing."""
+    trials = found.rounds[0].trials
+    best = found.found[-1] if found.found else trials[0] if trials and trials[0].explained >= DRAWN else None
+    if best is None or best.at is None:
+        return {"with": [], "residuals": []}
+    return {"with": [a.name for a in best.at.additions], "residuals": list(_series(found, best.at))}
+
+
+def _series(found: Diagnosis, after: Fitted) -> Iterator[dict[str, Any]]:
+    given, rows = found.carrier.given, found.carrier.rows
+    for name, e in given.experiments.items():
+        for output in given.outputs:
+            at = rows.part(name, output)
+            with np.errstate(all="ignore"):
+                size = -given.scales[output] / rows.weight[at]
+                both = found.base.residuals[at] * size, after.residuals[at] * size
+            before, now = ([float(v) if np.isfinite(v) else None for v in one] for one in both)
+            unit = given.model.outputs[output]
+            yield {"recording": name, "output": output, "unit": unit, "t": e.recording.t.tolist(), "before": before, "after": now}
+
+
+__all__ = ["asked_for", "with_diagnosis"]

@@ -1,0 +1,79 @@
+"""The sections "What may be missing" and "Looks at the data" of the report, from a plain record."""
+
+import numpy as np
+from findings_example import example
+
+from plantfit.report import render_html
+from plantfit.report.figures import residual_change_figure, share_figure
+from plantfit.report.schema import read_findings
+
+SENTENCE = "A dead time of 0.200 ± 0.001 s on u explains 99 % of what is left (RMSE 2.21 to 0.0737 K): very likely missing."
+
+
+def tried(name, explained, **more):
+    return {"name": name, "unit": "s", "value": 0.2, "standard_error": None, "explained": explained, "rmse": 2.21, "rmse_with": 1.0, **more}
+
+
+def findings(found=("dead time of u",), untried=()):
+    t = np.linspace(0, 30, 600)
+    before = 2 * np.sin(2 * t) * np.exp(-((t % 5) / 2))
+    rows = [
+        tried("dead time of u", 0.9989, standard_error=0.001, unseen_rmse=1.58, unseen_rmse_with=0.0741),
+        *(tried(f"{kind} of u", s) for kind, s in [("further lag", 0.94), ("dead zone", 0.31), ("backlash", 0.2), ("saturation", 0.02)]),
+        *(tried(name, s) for name, s in [("offset of y", 0.004), ("upper end of the sensor of y", 0.0), ("drift of y", 0.0)]),
+    ]
+    diagnosis = {
+        "state": "part" if untried else "whole",
+        "verdict": [{"level": "warning", "sentence": SENTENCE, "figures": {}}],
+        "rounds": [{"beside": [], "found": list(found), "untried": list(untried), "tried": rows}],
+        "write": ["[model.extensions]", "dead_time = { u = [0, 1] }", "[parameters.dead_time_u]", "start = 0.2"] if found else [],
+        "next": 'plantfit run study.toml --try "dead time of u"' if found else "",
+        "with": ["dead time of u"],
+        "residuals": [
+            {
+                "recording": "a",
+                "output": "y",
+                "unit": "K",
+                "t": t.tolist(),
+                "before": before.tolist(),
+                "after": [None, *(0.03 * before)[1:]],
+            }
+        ],
+    }
+    look = {
+        "kind": "clipped", "level": "warning", "recording": "a", "signal": "y", "begin": 3.25, "end": 17.5, "figures": {},
+        "sentence": "y lies exactly at its upper end of 12 K in 60 samples.", "write": "extensions = { sensor_high = { y = [11, 13] } }",
+    }  # fmt: skip
+    return {**example(samples=300), "diagnosis": diagnosis, "data": [look]}
+
+
+def test_the_report_shows_what_was_tried_and_where_the_data_are_odd():
+    page = render_html(findings())
+    for text in ("What may be missing", "Looks at the data", "99.9 %", "upper end of the sensor of y", "3.25 to 17.5 s", "sensor_high"):
+        assert text in page, text
+    assert "--try &#34;dead time of u&#34;" in page
+    assert "dead_time = { u = [0, 1] }" in page
+    assert page.index('id="missing"') < page.index('id="data"') < page.index('id="fit"')
+    assert "not tried" in render_html(findings(untried=["lag of u"]))
+    plain = render_html(example(samples=300))
+    assert "What may be missing" not in plain
+    assert "Looks at the data" not in plain
+
+
+def test_nothing_named_writes_nothing():
+    page = render_html(findings(found=()))
+    assert "What to write into the study file" not in page
+    assert "Or run it with that" not in page
+
+
+def test_bars_and_residuals_are_those_of_the_record():
+    record = read_findings(findings()).diagnosis
+    assert record is not None
+    (bars,) = share_figure(record.rounds[0])["data"]
+    assert bars["y"][-1] == "dead time of u"  # on top
+    assert bars["x"][-1] == 99.89
+    assert bars["marker"]["color"][-1] != bars["marker"]["color"][0]
+    before, after = residual_change_figure(record.residuals, 1000)["data"]
+    assert max(abs(v) for v in before["y"]) > 1.5
+    assert max(abs(v) for v in after["y"] if v is not None) < 0.06
+    assert after["y"][0] is None

@@ -1,0 +1,138 @@
+"""The diagnosis of an answer that was judged: when it is made, how much it may cost, and a verdict that does not contradict it."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
+from benchmarks.diagnosis import PLANTS, write
+
+import plantfit as pf
+from plantfit.errors import ModelError
+from plantfit.fitting import fit
+from plantfit.models import equations
+from plantfit.problem import Problem
+from plantfit.recording.record import Recording, Signal
+from plantfit.report import render_html
+from plantfit.report.schema import Cross
+from plantfit.report.sections.sentences import independence
+from plantfit.spec import load
+from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase
+from plantfit.trust.verdict.fit import noise_sentences, residual_sentences, unseen_sentences
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """The answer of a first-order plant whose model lacks a dead time."""
+    return fit(load(write(PLANTS["first"], "dead_time", 0.02, 5, tmp_path_factory.mktemp("late"))).problem, budget=600)
+
+
+def test_what_limits_the_work_is_told_and_nothing_is_called_sure(late, monkeypatch):
+    before = late.findings
+    monkeypatch.setattr(phase, "FLOOR_SAMPLES", 0.0)
+    monkeypatch.setattr(phase, "TIMES", 120.0 / sum(r.evaluations for r in late.runs))
+    cut = phase.with_diagnosis(late.problem, late.runs, before)
+    d = cut["diagnosis"]
+    assert d["state"] == "part"
+    first = d["rounds"][0]
+    assert first["tried"]
+    assert first["untried"]
+    assert {"offset of y", "drift of y"} <= {t["name"] for t in first["tried"]}  # the least work first
+    said = [v["sentence"] for v in d["verdict"]]
+    assert any("additions to the model were tried within" in s and "tries the rest" in s for s in said)
+    assert not any("likely missing" in s for s in said)
+    assert d["rounds"] == phase.with_diagnosis(late.problem, late.runs, before)["diagnosis"]["rounds"]
+
+
+def test_the_diagnosis_of_an_answer_stands_in_findings_verdict_and_report(late):
+    values, sentence = dict(late.values), "look for disturbances"
+    assert late.findings["diagnosis"] is None
+    stopped = late.diagnose(stop=lambda: True)
+    assert stopped is not None
+    assert stopped["state"] == "stopped"
+    assert "answer.diagnose(whole=True)" in late.verdict
+    told = []
+    found = late.diagnose(progress=told.append)
+    assert found is not None
+    assert found["state"] == "whole"
+    assert any("dead time of u" in t for t in told)
+    assert found["evaluations"] <= found["allowed"] * 1.2
+    assert "dead time of" in late.verdict
+    assert sentence not in late.verdict
+    assert not list(noise_sentences(late.findings))  # the jumps that the dead time leaves pass for noise
+    assert late.values == values
+    (series,) = found["residuals"]
+    both = [[v**2 for v in series[k] if v is not None] for k in ("before", "after")]
+    assert sum(both[1]) < 0.1 * sum(both[0])
+    assert len(series["t"]) == len(series["before"]) == len(series["after"])
+    assert "What may be missing" in render_html(late.findings)
+
+
+def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_time(late):
+    white = {**late.findings, "residual_tests": [{**t, "white": True} for t in late.findings["residual_tests"]]}
+    quiet = [{**r, "outputs": {n: {**o, "simulated": o["measured"]} for n, o in r["outputs"].items()}} for r in white["recordings"]]
+    assert asked_for(late.findings)
+    assert asked_for(white)  # not at the noise
+    assert not asked_for({**white, "recordings": quiet})
+    steady = Recording(range(40), {"u": Signal([0.1 * k for k in range(40)]), "y": Signal([0.01 * k**2 for k in range(40)])}, "a")
+    model = equations("y = a*u", inputs=["u"], outputs=["y"], parameters={"a": {"bounds": (0, 20)}})
+    answer = fit(Problem(model, steady), budget=200)
+    assert asked_for(answer.findings)
+    assert answer.diagnose() is None
+    with pytest.raises(ModelError, match="simulated over time"):
+        answer.diagnose(whole=True)
+
+
+def test_no_other_sentence_guesses_at_causes_once_one_is_named():
+    row = {"recording": "a", "output": "y", "white": False, "autocorrelation": [1.0, 0.9], "lags_s": [0, 1], "bound": 0.1, "p_value": 0.0}
+    unseen = {"recording": "a", "output": "y", "unit": "V", "part": "validation", "n": 50, "rmse": 2.0, "bias": 1.9, "fit_percent": 10.0}
+
+    def said(independent, found):
+        rounds = None if found is None else {"rounds": [{"found": ["dead time of u"] if found else []}]}
+        tests = [{**row, "cross": {"u": {"lags_s": [], "values": [], "bound": 0.1, "independent": independent}}}]
+        findings = {
+            "recordings": [{"name": "a"}],
+            "residual_tests": tests,
+            "scores": [{**unseen, "part": "fit", "rmse": 1.0}, unseen],
+            "diagnosis": rounds,
+        }
+        return [next(iter(made(findings)))["sentence"] for made in (residual_sentences, unseen_sentences)]
+
+    assert "look for disturbances" in said(True, None)[0]
+    assert "incomplete" in said(False, None)[0]
+    assert "offset that changed" in said(True, None)[1]
+    assert said(True, True)[0].endswith("something systematic is missing.")
+    assert said(False, True)[0].endswith("something systematic is missing.")
+    assert "constant shift of 1.9 V is part of it;" in said(True, True)[1]
+    assert said(True, False)[0].endswith("something systematic is missing.")  # drift and sensors were tried
+    assert "incomplete" in said(False, False)[0]
+    assert "Independent" not in independence("u", Cross(lags_s=[], values=[], bound=0.1, independent=True), named=True)
+
+
+def test_a_meter_counts_and_stops(late):
+    meter = Meter(limit=10.0)
+    meter.charge(4.0)
+    assert meter.holds(6.0)
+    assert not meter.holds(6.1)
+    assert meter.holds(3.0, 0.5, since=4.0)
+    assert not meter.holds(3.1, 0.5, since=4.0)
+    with pytest.raises(Stopped):
+        diagnose(late.problem, late.best.x, meter=Meter(stop=lambda: True))
+
+
+def test_several_additions_are_tried_each_beside_those_before(late):
+    d = diagnose(late.problem, late.best.x, only=["dead time of u", "drift of y"])
+    assert [[t.extension.name for t in r.trials] for r in d.rounds] == [["dead time of u"], ["drift of y"]]
+    assert d.rounds[1].given == (d.rounds[0].trials[0].extension,)
+
+
+def test_findings_tell_what_is_odd_about_the_data(tmp_path):
+    answer = pf.fit(load(write(PLANTS["first"], "sensor_high", 0.02, 5, tmp_path)).problem, budget=300)
+    (look,) = [one for one in answer.findings["data"] if one["kind"] == "clipped"]
+    assert look["recording"] == "a"
+    assert look["begin"] < look["end"]
+    page = render_html(answer.findings)
+    assert "Looks at the data" in page
+    assert look["sentence"][:30] in page
