@@ -37,8 +37,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     found = diagnose(plain.problem, plain.best.x)
     if found.found[0].extension.kind != ADDED.replace(" ", "_"):
         raise SimulationError(f"The diagnosis named {found.found[0].extension.name!r}; restore the files of the demo and run it again.")
-    text = with_additions(first.read_text("utf-8"), first, changed(found))
-    better.write_text(text.replace('name = "plain"', f'name = "{better.stem}"'), "utf-8")
+    better.write_text(with_additions(first.read_text("utf-8"), first, changed(found), name=better.stem), "utf-8")
     begins(PARTS[2])
     fuller = fit_file(better)
     begins(PARTS[3])

@@ -15,7 +15,9 @@ from plantfit.recording import Recording
 from plantfit.report.controller_page import COLUMNS, named, table_rows
 from plantfit.report.figures import style
 from plantfit.report.figures.loops import loop_figure
+from plantfit.report.figures.missing import share_figure
 from plantfit.report.figures.style import Figure
+from plantfit.report.schema import Round
 
 SENSOR = 6.43  # deg/s, one step of the speed that the board reports
 SHOWN = 8  # rows of the table of what was tried
@@ -74,6 +76,7 @@ def cause_section(diagnosis: Mapping[str, Any]) -> Section:
                 "note": "Where the last column is empty, the addition explained too little to be fitted in full.",
             }
         ],
+        "figures": [{"figure": share_figure(Round.model_validate(diagnosis["rounds"][0])), "label": "What each addition explains"}],
     }
 
 

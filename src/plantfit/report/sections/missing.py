@@ -60,7 +60,7 @@ def _table(one: Round) -> Table:
 
 
 def _row(t: Tried) -> tuple[str, ...]:
-    share = "" if t.explained is None else percent(t.explained)
+    share = "" if t.explained is None else percent(round(t.explained, 5))
     unseen = ("", "") if t.unseen_rmse is None else (significant(t.unseen_rmse, 4), significant(t.unseen_rmse_with, 4))
     value = "" if t.value is None else plus_minus(t.value, t.standard_error) if t.standard_error else significant(t.value, 3)
     return (t.name, share, significant(t.rmse, 4), significant(t.rmse_with, 4), *unseen, value, unit_label(t.unit))
