@@ -48,8 +48,8 @@ def frequency_response(data: Data, level: float = 0.95) -> list[FrequencyRespons
     for a in range(m + 1):
         for b in range(m + 1):
             s[:, a, b] = scipy.signal.csd(signals[a], signals[b], **settings)[1]
-    uu, uy, yy = s[:, :m, :m], s[:, :m, m], s[:, m, m].real
-    power = np.array([uu[:, i, i].real for i in range(m)])
+    uu, uy, yy = s[:, :m, :m], s[:, :m, m], np.real(s[:, m, m])
+    power = np.array([np.real(uu[:, i, i]) for i in range(m)])
     seen = (np.arange(len(f)) > 0) & np.all(power > FAINT * power.max(axis=1, keepdims=True), axis=0)
     if not seen.any():
         raise RecordingError(f"Recording {data.name!r}: the inputs have no power at any frequency of its segments.")

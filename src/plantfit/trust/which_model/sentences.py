@@ -177,5 +177,5 @@ def _linear(record: Row, best: Row, linear: Row, part: str) -> dict[str, Any]:
     return _said("good", f"{what} reaches RMSE {_shown(value, decimals)}{unit}: {best['name']} predicts better, {_by(pair, decimals)}.")
 
 
-def _said(level: str, sentence: str, **figures: float) -> dict[str, Any]:
+def _said(level: str, sentence: str, **figures: float | None) -> dict[str, Any]:
     return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items() if v is not None and np.isfinite(v)}}
