@@ -12,7 +12,7 @@ from benchmarks.c_twins import c_twin
 from plantfit.control import Gains, pid, step_observer
 from plantfit.models.text.equations import equations
 from plantfit.optimize import Facts
-from plantfit.optimize.methods.pso import ParticleSwarm
+from plantfit.optimize.algorithms.pso import ParticleSwarm
 from plantfit.simulate.loop.closed_loop import closed_loop
 from plantfit.simulate.loop.sensors import Actuator
 

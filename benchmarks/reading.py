@@ -1,7 +1,7 @@
 """Reading a recording of two million samples (CSV) and checking it, against polars reading the same file into a frame.
 
 python -m benchmarks.reading          a process for each reading, taken in turns; the medians and their ratios
-python -m benchmarks.reading memory   what each format takes of memory for a byte of its file (recording/read/memory.py)
+python -m benchmarks.reading memory   what each format takes of memory for a byte of its file (recording/readers/memory.py)
 """
 
 import subprocess

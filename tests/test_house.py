@@ -1,10 +1,15 @@
 """The house is as docs/architecture.md says: its sub-rooms, and the files that pages and docstrings name."""
 
 import ast
+import importlib
+import pkgutil
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+import plantfit
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
@@ -48,3 +53,14 @@ def test_every_sub_room_stands_on_the_page():
         if p.parent.parent == SOURCE and p.parent.name not in ("cases", "rig") and f"`{p.name}/`" not in table
     ]
     assert not missing, missing
+
+
+def test_no_function_hides_a_sub_room():
+    hidden = []
+    for found in pkgutil.walk_packages(plantfit.__path__, "plantfit."):
+        if found.ispkg:
+            importlib.import_module(found.name)
+            room, _, name = found.name.rpartition(".")
+            if not isinstance(getattr(importlib.import_module(room), name), ModuleType):
+                hidden.append(found.name)
+    assert hidden == []

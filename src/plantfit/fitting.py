@@ -19,7 +19,7 @@ from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.start import Shooting
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan, default_budget
-from plantfit.study.run import runner
+from plantfit.study.running import runner
 from plantfit.study.store.addresses import shown
 from plantfit.study.store.store import Store
 from plantfit.trust.finish.descent import gauss_newton as gauss_newton

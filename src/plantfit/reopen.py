@@ -12,7 +12,7 @@ from plantfit.fitting import Answer, finish, prepare, stored_runs
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.study.objective import objective_of
-from plantfit.study.run.probe import check_same, probe
+from plantfit.study.running.probe import check_same, probe
 from plantfit.study.store.addresses import shown
 from plantfit.study.store.records import StudyRecord
 from plantfit.study.store.store import Store

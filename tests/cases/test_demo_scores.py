@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plantfit.cases import demos
+from plantfit.cases.gearmotor.story import scores
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,23 @@ def test_gearmotor_follows_prbs_and_static_curve_with_one_set_of_parameters(reco
     weights = record["answers"][1].problem.scales
     assert weights["y"] == pytest.approx(value(record, "both records: RMSE on the fitted half of the PRBS"), rel=0.01)
     assert weights["settled"] == pytest.approx(static, rel=0.01)
+
+
+def test_gearmotor_tells_what_its_first_model_lacks(records):
+    """By hand: friction takes 0.31 V of drive, and the motor, which keeps its sense in this record, cannot tell it from a dead zone."""
+    _, _, plain, fuller = records("gearmotor")["answers"]
+    (without, _), (with_zone, unseen) = scores(plain), scores(fuller)
+    assert (without > 17.0, with_zone < 5.0, unseen < 6.8) == (True, True, True)
+    assert 0.29 < fuller.values["dead_zone_u"] < 0.33
+    steps = records("gearmotor")["sections"]
+    assert [s["command"].split()[1] for s in steps] == ["run", "diagnose", "run", "run", "tune"]
+    cause = " ".join(steps[1]["sentences"])
+    assert "dead zone of 0.2" in cause
+    assert "and dry friction" in cause
+    folder = records("gearmotor")["files"][0].parent
+    assert all((folder / s["command"].split()[2]).exists() for s in steps)
+    assert (folder / "gearmotor_pid.c").exists()
+    assert all(page.exists() for page in records("gearmotor")["pages"])
 
 
 def test_tanks_unseen_quarter(records):

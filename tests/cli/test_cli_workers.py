@@ -11,7 +11,7 @@ import pytest
 from cli_call import SPEC, call, heater
 
 from plantfit.study import Store
-from plantfit.study.run.worker_names import new_worker
+from plantfit.study.running.worker_names import new_worker
 
 SEARCH = 'seed = 3\nmethods = ["pso", "random"]\nruns = 6\nbudget = 300\n'
 

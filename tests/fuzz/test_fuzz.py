@@ -16,7 +16,7 @@ from fuzz_inputs import LAYERS, WORDS, drawn, mutated
 from fuzz import Hang, fed, fuzz, limited, main
 from plantfit.errors import BoardError, EquationError, RecordingError, StoreError
 from plantfit.recording import read
-from plantfit.recording.read.panics import unheard
+from plantfit.recording.readers.panics import unheard
 from plantfit.rig.board.protocol import Hello
 from plantfit.study import Store
 

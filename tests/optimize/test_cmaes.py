@@ -7,17 +7,17 @@ import pytest
 from cmaes import CMA
 
 from plantfit.optimize import Objective, minimise
+from plantfit.optimize.algorithms.cma_es.bipop import BipopCmaEs, small_run
+from plantfit.optimize.algorithms.cma_es.bound_penalty import mirrored
+from plantfit.optimize.algorithms.cma_es.cmaes import CmaEs
+from plantfit.optimize.algorithms.cma_es.dd_cmaes import DecodingCmaEs
+from plantfit.optimize.algorithms.cma_es.ipop import IpopCmaEs
+from plantfit.optimize.algorithms.cma_es.learning_rates import decoding_rates, full_rates, separable_rates, weights
+from plantfit.optimize.algorithms.cma_es.restarts import Restarts
+from plantfit.optimize.algorithms.cma_es.separable_cmaes import SeparableCmaEs
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.loop.counter import Counter
 from plantfit.optimize.loop.nested import Nested
-from plantfit.optimize.methods.cma_es.bipop import BipopCmaEs, small_run
-from plantfit.optimize.methods.cma_es.bound_penalty import mirrored
-from plantfit.optimize.methods.cma_es.cmaes import CmaEs
-from plantfit.optimize.methods.cma_es.dd_cmaes import DecodingCmaEs
-from plantfit.optimize.methods.cma_es.ipop import IpopCmaEs
-from plantfit.optimize.methods.cma_es.learning_rates import decoding_rates, full_rates, separable_rates, weights
-from plantfit.optimize.methods.cma_es.restarts import Restarts
-from plantfit.optimize.methods.cma_es.separable_cmaes import SeparableCmaEs
 
 import jax
 import jax.numpy as jnp

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from plantfit.optimize import methods
-from plantfit.optimize.methods.random_search import RandomSearch
+from plantfit.optimize.algorithms.random_search import RandomSearch
 from plantfit.testing import OPTIMIZER_CHECKS
 from plantfit.testing.optimizers import check_bounds_and_budget, check_no_favoured_place, check_same_seed_same_bits
 

@@ -9,11 +9,7 @@ from scipy import stats
 
 from plantfit.errors import Status
 from plantfit.optimize import Checkpoint, Objective, make, minimise
-from plantfit.optimize.contract import Facts
-from plantfit.optimize.loop import population_loop as loop
-from plantfit.optimize.loop.counter import Counter
-from plantfit.optimize.loop.nested import Nested
-from plantfit.optimize.methods.differential_evolution.population import (
+from plantfit.optimize.algorithms.differential_evolution.population import (
     Archive,
     between,
     binomial,
@@ -24,7 +20,11 @@ from plantfit.optimize.methods.differential_evolution.population import (
     remember,
     select,
 )
-from plantfit.optimize.methods.differential_evolution.success_history import TERMINAL, Memory
+from plantfit.optimize.algorithms.differential_evolution.success_history import TERMINAL, Memory
+from plantfit.optimize.contract import Facts
+from plantfit.optimize.loop import population_loop as loop
+from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.nested import Nested
 from plantfit.testing.objectives import bowl, corner, hopeless
 
 import jax

@@ -5,12 +5,12 @@ import pytest
 from scipy import stats
 
 from plantfit.optimize import Objective, minimise
+from plantfit.optimize.algorithms.genetic import operators
+from plantfit.optimize.algorithms.genetic.binary_ga import BinaryGenetic, decode, encode, flip, one_point
+from plantfit.optimize.algorithms.genetic.cga import ContinuousGenetic
+from plantfit.optimize.algorithms.genetic.elite_ga import EliteGenetic
+from plantfit.optimize.algorithms.genetic.operators import Pool
 from plantfit.optimize.contract import Facts
-from plantfit.optimize.methods.genetic import operators
-from plantfit.optimize.methods.genetic.binary_ga import BinaryGenetic, decode, encode, flip, one_point
-from plantfit.optimize.methods.genetic.cga import ContinuousGenetic
-from plantfit.optimize.methods.genetic.elite_ga import EliteGenetic
-from plantfit.optimize.methods.genetic.operators import Pool
 
 import jax
 import jax.numpy as jnp

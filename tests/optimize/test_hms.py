@@ -8,13 +8,13 @@ from scipy.spatial.distance import mahalanobis
 from scipy.stats import chi2
 
 from plantfit.optimize import Objective, minimise
+from plantfit.optimize.algorithms.cma_es.dd_cmaes import DecodingCmaEs
+from plantfit.optimize.algorithms.genetic.sea import SimpleEvolution, mirrored
+from plantfit.optimize.algorithms.hierarchic.hms import Hms, Tree
+from plantfit.optimize.algorithms.hierarchic.sprouting import covered, far_enough, nearest_better, same_valley, spread_around
+from plantfit.optimize.algorithms.hierarchic.tree_population import Deme, climbers, explorers
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.loop.counter import BudgetSpent, Counter
-from plantfit.optimize.methods.cma_es.dd_cmaes import DecodingCmaEs
-from plantfit.optimize.methods.genetic.sea import SimpleEvolution, mirrored
-from plantfit.optimize.methods.hierarchic.hms import Hms, Tree
-from plantfit.optimize.methods.hierarchic.sprouting import covered, far_enough, nearest_better, same_valley, spread_around
-from plantfit.optimize.methods.hierarchic.tree_population import Deme, climbers, explorers
 from plantfit.testing.objectives import bowl
 
 import jax

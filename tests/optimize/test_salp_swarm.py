@@ -7,8 +7,8 @@ from test_genetic_algorithms import noise
 
 from plantfit.errors import SearchError
 from plantfit.optimize import Objective, minimise
+from plantfit.optimize.algorithms.salp_swarm import SalpSwarm, follow
 from plantfit.optimize.contract import Facts
-from plantfit.optimize.methods.salp_swarm import SalpSwarm, follow
 
 import jax
 import jax.numpy as jnp

@@ -10,9 +10,9 @@ from scipy.stats import qmc
 
 from plantfit.errors import SearchError
 from plantfit.optimize import Objective, minimise
+from plantfit.optimize.algorithms.nelder_mead import NelderMead
+from plantfit.optimize.algorithms.sobol_search import SobolSearch
 from plantfit.optimize.loop.counter import BudgetSpent, Counter
-from plantfit.optimize.methods.nelder_mead import NelderMead
-from plantfit.optimize.methods.sobol_search import SobolSearch
 from plantfit.testing.objectives import bowl
 
 import jax

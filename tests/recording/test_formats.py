@@ -103,7 +103,7 @@ def test_wrong_arrays():
 
 def test_a_file_that_ends_the_process_of_its_reader_is_refused_and_others_are_read_after_it(tmp_path, monkeypatch):
     """The trial is real; what crashes there is faked, since each version of a parser crashes at other files."""
-    from plantfit.recording.read import tried
+    from plantfit.recording.readers import tried
 
     code = tried._TRY.replace("polars.read_parquet(path)", "__import__('os').abort() if 'bad' in path else None")
     monkeypatch.setattr(tried, "_TRY", code.replace("polars.read_parquet_metadata(path)", "None"))

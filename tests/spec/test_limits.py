@@ -6,7 +6,7 @@ import pytest
 
 from plantfit.errors import PlantfitError, SearchError
 from plantfit.recording import read
-from plantfit.recording.read.memory import free_memory, memory_needed
+from plantfit.recording.readers.memory import free_memory, memory_needed
 from plantfit.spec import parse
 from plantfit.study import Plan
 
@@ -78,10 +78,10 @@ def test_runs_of_a_plan():
 def test_a_file_larger_than_the_memory_is_not_read(tmp_path, monkeypatch):
     file = tmp_path / "x.csv"
     file.write_text("time,u\n0,1\n1,2\n")
-    monkeypatch.setattr("plantfit.recording.read.any_format.free_memory", lambda: 50)
+    monkeypatch.setattr("plantfit.recording.readers.any_format.free_memory", lambda: 50)
     with pytest.raises(PlantfitError, match="GiB are free"):
         read(file)
-    monkeypatch.setattr("plantfit.recording.read.any_format.free_memory", lambda: None)  # nobody says
+    monkeypatch.setattr("plantfit.recording.readers.any_format.free_memory", lambda: None)  # nobody says
     assert len(read(file)) == 2
     assert memory_needed(file) == 12 * file.stat().st_size
 

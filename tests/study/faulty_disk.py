@@ -16,7 +16,7 @@ from many_workers import NAMES, plan, result
 
 from plantfit.errors import StoreError
 from plantfit.study import Store
-from plantfit.study.run.worker_names import new_worker
+from plantfit.study.running.worker_names import new_worker
 
 KINDS = {"killed": 1, "torn": 2, "input/output error": 3, "disk full": 4}
 RUNS = 3

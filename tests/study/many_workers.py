@@ -14,7 +14,7 @@ import numpy as np
 from plantfit.errors import Status
 from plantfit.optimize.contract import RunResult
 from plantfit.study import Plan, Store
-from plantfit.study.run.worker_names import new_worker
+from plantfit.study.running.worker_names import new_worker
 
 NAMES = ("a", "b", "c")
 

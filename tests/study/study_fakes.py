@@ -1,4 +1,4 @@
-"""A quick search in plain Python that keeps the contract of `plantfit.study.run.search.Search`, and problems to search."""
+"""A quick search in plain Python that keeps the contract of `plantfit.study.running.search.Search`, and problems to search."""
 
 import json
 from collections.abc import Callable

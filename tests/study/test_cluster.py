@@ -16,7 +16,7 @@ from worked_study import MAKER, alone, begun, objective, physical, sums
 from plantfit.errors import MissingExtra, SearchError, StoreError
 from plantfit.study import Plan, Store, begin, resume, run
 from plantfit.study.problem_recipe import Recipe
-from plantfit.study.run.worker_names import where
+from plantfit.study.running.worker_names import where
 
 distributed = pytest.importorskip("distributed", reason="needs dask[distributed], which is not installed")
 

@@ -12,7 +12,7 @@ from worked_study import MAKER, PLAN, begun, objective, physical
 
 from plantfit.study import Store, run
 from plantfit.study.problem_recipe import Recipe
-from plantfit.study.run.worker_names import where
+from plantfit.study.running.worker_names import where
 
 pytest.importorskip("distributed", reason="needs dask[distributed], which is not installed")
 

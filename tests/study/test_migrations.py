@@ -10,7 +10,7 @@ from test_study_runner import bits
 
 from plantfit.errors import StoreError
 from plantfit.study import Plan, Store, resume, run
-from plantfit.study.run.probe import probe
+from plantfit.study.running.probe import probe
 from plantfit.study.store.codec import to_blob, to_json
 from plantfit.study.store.migrations import MIGRATIONS, VERSION, current_version, migrate
 
@@ -122,7 +122,7 @@ def test_a_database_of_version_1_is_read_and_its_study_goes_on(backend, tmp_path
     with pytest.raises(StoreError, match="with edition 1 of the searches"):
         resume(store, 1, objective(), to_physical=to_physical, search=search)
     assert search.done == []
-    monkeypatch.setattr("plantfit.study.run.runner.SEARCHES", 1)  # by the searches that it was begun with
+    monkeypatch.setattr("plantfit.study.running.runner.SEARCHES", 1)  # by the searches that it was begun with
     resume(store, 1, objective(), to_physical=to_physical, search=search)
     assert search.done == [("pso", k) for k in range(3)]  # run 2 of random was in the checkpoint
     once = Store.open(tmp_path / "once.db")

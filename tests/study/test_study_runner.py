@@ -10,9 +10,9 @@ from plantfit.errors import SearchError, StoreError
 from plantfit.optimize.contract import Objective
 from plantfit.optimize.loop.progress import Progress
 from plantfit.study import Plan, Store, resume, run
-from plantfit.study.run.runner import begin
-from plantfit.study.run.study_progress import Meter
-from plantfit.study.run.worker_names import STALE_SECONDS
+from plantfit.study.running.runner import begin
+from plantfit.study.running.study_progress import Meter
+from plantfit.study.running.worker_names import STALE_SECONDS
 from plantfit.study.store import tables
 from plantfit.study.store.codec import to_json
 from plantfit.study.versions import SEARCHES
@@ -67,7 +67,7 @@ def test_progress_adds_up_over_tasks(store):
 
 def test_time_left_follows_the_pace_of_this_sitting_only(store, monkeypatch):
     now, seen = [0.0], []
-    monkeypatch.setattr("plantfit.study.run.study_progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("plantfit.study.running.study_progress.time.monotonic", lambda: now[0])
     meter = Meter(store, store.add(PLAN, spec_text=None, coordinates=("a", "b", "c"), probe=b""), PLAN, seen.append)
     meter.refresh("random")
     for seconds, evaluations in ((5.0, 60.0), (6.0, 70.0), (7.0, 80.0)):  # 60 came from a checkpoint
@@ -175,7 +175,7 @@ def test_another_problem_is_refused(store):
 
 def test_other_versions_are_noted(store, monkeypatch):
     study_id = run(PLAN, objective(), store, stop=lambda: True, search=FakeSearch())
-    monkeypatch.setattr("plantfit.study.run.runner.cpu_model", lambda: "Another CPU")
+    monkeypatch.setattr("plantfit.study.running.runner.cpu_model", lambda: "Another CPU")
     resume(store, study_id, objective(), search=FakeSearch())
     (note,) = store.study(study_id).notes
     assert "became Another CPU" in note

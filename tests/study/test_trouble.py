@@ -11,7 +11,7 @@ from test_study_store import add, claim_one, finish_one
 
 from plantfit.errors import StoreError
 from plantfit.study import Store, resume, run
-from plantfit.study.run.worker_names import AHEAD_SECONDS, STALE_SECONDS, is_stale
+from plantfit.study.running.worker_names import AHEAD_SECONDS, STALE_SECONDS, is_stale
 from plantfit.study.store.claims import ClaimLost
 
 DAY = 86_400.0

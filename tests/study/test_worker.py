@@ -1,7 +1,7 @@
 import subprocess
 import sys
 
-from plantfit.study.run.worker_names import STALE_SECONDS, is_stale, new_worker
+from plantfit.study.running.worker_names import STALE_SECONDS, is_stale, new_worker
 from plantfit.study.versions import PACKAGES, cpu_model, versions
 
 

@@ -13,9 +13,9 @@ from test_study_runner import bits
 from worked_study import CHECKPOINT_SECONDS, MAKER, PLAN, alone, begun, objective, physical
 
 from plantfit.study import Plan, Store, helping, resume, run, tasks
-from plantfit.study.run.cores import free_memory, physical_cores, quota, sensible_workers
-from plantfit.study.run.search import search_task
-from plantfit.study.run.worker_names import new_worker, where
+from plantfit.study.running.cores import free_memory, physical_cores, quota, sensible_workers
+from plantfit.study.running.search import search_task
+from plantfit.study.running.worker_names import new_worker, where
 
 PATIENCE = 120.0
 

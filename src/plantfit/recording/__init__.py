@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.resampling import decimate, resample
     from plantfit.recording.clean.sampling import period_of
     from plantfit.recording.description import ColumnSummary, Description, describe
-    from plantfit.recording.read.any_format import read
-    from plantfit.recording.read.arrays import from_arrays, read_mat, read_npz
-    from plantfit.recording.read.csv import read_csv
-    from plantfit.recording.read.tables import from_frame, read_parquet, read_xlsx
+    from plantfit.recording.readers.any_format import read
+    from plantfit.recording.readers.arrays import from_arrays, read_mat, read_npz
+    from plantfit.recording.readers.csv import read_csv
+    from plantfit.recording.readers.tables import from_frame, read_parquet, read_xlsx
     from plantfit.recording.record import Recording, Signal
     from plantfit.recording.signals.backdate import backdate
     from plantfit.recording.signals.derivative import differentiate
@@ -80,9 +80,9 @@ names_of(
     __name__,
     {
         "clean.adjust": "convert_units detrend scale subtract",
-        "read.arrays": "from_arrays read_mat read_npz",
+        "readers.arrays": "from_arrays read_mat read_npz",
         "signals.backdate": "backdate",
-        "read.csv": "read_csv",
+        "readers.csv": "read_csv",
         "clean.cutoff": "Cutoff cutoff_frequency",
         "signals.derivative": "differentiate",
         "description": "ColumnSummary Description describe",
@@ -98,11 +98,11 @@ names_of(
         "clean.parts": "cut shift_time split",
         "signals.presliding": "presliding",
         "signals.pwm": "duty_to_voltage",
-        "read.any_format": "read",
+        "readers.any_format": "read",
         "record": "Recording Signal",
         "clean.resampling": "decimate resample",
         "clean.sampling": "period_of",
-        "read.tables": "from_frame read_parquet read_xlsx",
+        "readers.tables": "from_frame read_parquet read_xlsx",
         "write": "to_csv",
     },
 )

@@ -8,10 +8,10 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import PlantfitError
-from plantfit.recording.read.any_format import table
-from plantfit.recording.read.clock import guess_time, seconds
-from plantfit.recording.read.columns import Column, Table, identifier
-from plantfit.recording.read.numbers import casted, clean_text, mostly_numbers
+from plantfit.recording.readers.any_format import table
+from plantfit.recording.readers.clock import guess_time, seconds
+from plantfit.recording.readers.columns import Column, Table, identifier
+from plantfit.recording.readers.numbers import casted, clean_text, mostly_numbers
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.recording.read.columns import identifier, split_header
-from plantfit.recording.read.csv import LOG_MARK
+from plantfit.recording.readers.columns import identifier, split_header
+from plantfit.recording.readers.csv import LOG_MARK
 from plantfit.recording.record import Recording
 
 

@@ -17,11 +17,14 @@ def write_case_page(record: Mapping[str, Any], path: str | Path, reports: Sequen
 
     The record has "title", "subtitle" and "sections", each section
 
-        {"title": str, "sentences": [str], "verdict": [{"level": "good"|"info"|"warning"|"bad", "sentence": str}],
+        {"title": str, "command": str, "sentences": [str],
+         "verdict": [{"level": "good"|"info"|"warning"|"bad", "sentence": str}],
          "tables": [{"caption": str, "columns": [str], "rows": [[str]], "note": str (optional)}],
          "figures": [{"figure": plotly dictionary, "label": what it shows}]}
 
-    where all but the title may be left out. The file appears whole or not at all; StoreError when it cannot be written.
+    where all but the title may be left out; `command` is what a user types to repeat the section.
+
+    The file appears whole or not at all; StoreError when it cannot be written.
     """
     return html.write_page(path, render_case_page(record, reports))
 
@@ -41,6 +44,7 @@ def render_case_page(record: Mapping[str, Any], reports: Sequence[str] = ()) -> 
 def _section(section: Mapping[str, Any], drawings: Drawings) -> dict[str, Any]:
     return {
         "title": section["title"],
+        "command": section.get("command", ""),
         "sentences": list(section.get("sentences", ())),
         "verdict": [_said(v["level"], v["sentence"]) for v in section.get("verdict", ())],
         "tables": [{"grid": _table(t), "note": t.get("note", "")} for t in section.get("tables", ())],

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     )
     from plantfit.study.objective import objective_of
     from plantfit.study.plan import Plan, Task, tasks
-    from plantfit.study.run.helper_processes import helping
-    from plantfit.study.run.runner import begin, resume, run
-    from plantfit.study.run.study_progress import StudyProgress
+    from plantfit.study.running.helper_processes import helping
+    from plantfit.study.running.runner import begin, resume, run
+    from plantfit.study.running.study_progress import StudyProgress
     from plantfit.study.store.records import RunRecord, StudyRecord
     from plantfit.study.store.store import Store
     from plantfit.study.versions import cpu_model, versions
@@ -71,12 +71,12 @@ names_of(
     {
         "comparing.basins": "Basin basins",
         "comparing.pairwise": "Comparison a12 compare holm",
-        "run.helper_processes": "helping",
+        "running.helper_processes": "helping",
         "objective": "objective_of",
         "plan": "Plan Task tasks",
-        "run.study_progress": "StudyProgress",
+        "running.study_progress": "StudyProgress",
         "store.records": "RunRecord StudyRecord",
-        "run.runner": "begin resume run",
+        "running.runner": "begin resume run",
         "comparing.statistics": "Summary bootstrap_interval costs_by_method "
         "evaluations_to_target expected_running_time success_rate summarise t_interval wilson_interval",
         "store.store": "Store",

@@ -41,10 +41,9 @@ def late_half(answer: Answer) -> np.ndarray:
 
 
 def joint_sentence(answer: Answer) -> str:
-    """How the two records were weighed."""
+    """What one set of parameters leaves of both records."""
     scales = answer.problem.scales
     return (
-        f"Fitted together, a sample of the PRBS counts as 1 at {scales['y']:.1f} deg/s and a point of the static curve at "
-        f"{scales['settled']:.1f} deg/s, each record's own residual; the static curve's errors go together over long stretches, so "
-        "that they are the model's and not the sensor's."
+        f"`plantfit run static_and_prbs.toml` fits both records together and leaves {scales['y']:.1f} deg/s of the one and "
+        f"{scales['settled']:.1f} deg/s of the static curve; by these the fit weighs them."
     )

@@ -25,6 +25,7 @@ def record(
     files: Sequence[Path],
     sections: Sequence[dict[str, Any]] = (),
     subtitle: str = "",
+    pages: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """The record that `registry.demos` describes."""
     return {
@@ -36,4 +37,5 @@ def record(
         "answers": list(answers),
         "files": list(files),
         "sections": list(sections),
+        "pages": list(pages),
     }

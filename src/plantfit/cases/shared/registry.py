@@ -8,7 +8,7 @@ Run = Callable[..., dict[str, Any]]
 
 _SENTENCES = {
     "pendubot": "A pendubot on a virtual rig: PSO, genetic algorithm and salp swarm a thousand times, and the optimum that was missed.",
-    "gearmotor": "A slow geared DC motor: friction, PWM drive and dead time from a PRBS; its static curve predicted, then fitted with it.",
+    "gearmotor": "A real geared DC motor: a first model, what it lacks, physics that predicts its static curve, and a controller.",
     "tanks": "Two tanks in series with overflow: an upper level that nobody measured, and the unseen last quarter predicted.",
     "emps": "A linear drive with friction: force regression, free run from the measured force, and the closed loop.",
     "double_pendulum": "A real double pendulum: torque of both joints, a friction law chosen by runs left out, angles simulated from it.",
@@ -30,9 +30,10 @@ def demos() -> dict[str, tuple[str, Callable[[], Run]]]:
         {"name": str, "title": str,
          "figures": [{"name", "value", "unit", "reference": number | None, "source": str}],
          "sentences": [str], "answers": [Answer], "files": [Path of each study file],
-         "subtitle": str, "sections": [parts of a page of its own, see `plantfit.report.case_page`; may be none]}
+         "subtitle": str, "sections": [parts of a page of its own, see `plantfit.report.case_page`; may be none],
+         "pages": [Path of each further page that was written]}
 
-    Everything but `answers` and `files` is of JSON types. Raises StoreError for a folder that cannot be written to.
+    Everything but `answers`, `files` and `pages` is of JSON types. Raises StoreError for a folder that cannot be written to.
     """
     return {name: (sentence, _loader(name)) for name, sentence in _SENTENCES.items()}
 

@@ -47,7 +47,9 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     if record["sections"]:
         from plantfit.report.case_page import write_case_page
 
-        pages.insert(0, write_case_page(record, place / f"{name}.html", names))
+        further = [p.name for p in record["pages"]]
+        own = "index.html" if f"{name}.html" in names else f"{name}.html"
+        pages = [write_case_page(record, place / own, [*names, *further]), *pages, *record["pages"]]
     reports = [str(page.resolve()) for page in pages]
     if json:
         plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
@@ -56,16 +58,33 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
             for a in record["answers"]
         ]
         return print_json({**plain, "fits": fits, "reports": reports, "seconds": time.perf_counter() - began})
-    for answer in record["answers"]:
-        out.print(f"[bold]{answer.problem.name}[/bold]")
-        verdict(answer.findings)
-        out.print()
-    _figures(record["figures"])
-    for line in record["sentences"]:
-        out.print(f"- {line}", markup=False)
+    if any("command" in s for s in record["sections"]):
+        _story(record["sections"], place)
+    else:
+        for answer in record["answers"]:
+            out.print(f"[bold]{answer.problem.name}[/bold]")
+            verdict(answer.findings)
+            out.print()
+        _figures(record["figures"])
+        for line in record["sentences"]:
+            out.print(f"- {line}", markup=False)
     out.print(f"\n{time.perf_counter() - began:.0f} s. Open in a browser:")
     for path in reports:
         out.print(f"  {path}", markup=False)
+
+
+def _story(sections: list[dict[str, Any]], place: Path) -> None:
+    """Steps with the commands that repeat them in the folder `place`."""
+    from rich.markup import escape
+
+    for section in sections:
+        out.print(f"[bold]{escape(section['title'])}[/bold]")
+        for line in section["sentences"]:
+            out.print(f"  {line}", markup=False)
+        if "command" in section:
+            out.print(f"  [dim]$ {escape(section['command'])}[/dim]")
+        out.print()
+    out.print(f"The commands repeat a step in {place}.", markup=False)
 
 
 def _figures(figures: list[dict[str, Any]]) -> None:

@@ -59,7 +59,7 @@ def figures(p: Any) -> str:
 
 def worker_lines(held: Sequence[Any], budget: float) -> list[str]:
     """What each worker does, a line each; `budget` is that of a run."""
-    from plantfit.study.run.worker_names import where
+    from plantfit.study.running.worker_names import where
 
     lines = [f"{where(h.worker)}: {_task(h)}, {_share(h, budget)}" for h in held[:MOST_LINES]]
     return lines + ([f"and {len(held) - MOST_LINES} more workers"] if len(held) > MOST_LINES else [])
@@ -89,7 +89,7 @@ def _held(opened: Any, number: int | None) -> list[tuple[Any, Any]]:
 
 
 def _page(opened: Any, number: int | None) -> Any:
-    from plantfit.study.run.worker_names import where
+    from plantfit.study.running.worker_names import where
 
     held = _held(opened, number)
     if not held:
@@ -104,7 +104,7 @@ def _page(opened: Any, number: int | None) -> Any:
 
 
 def _row(study: Any, h: Any) -> dict[str, Any]:
-    from plantfit.study.run.worker_names import where
+    from plantfit.study.running.worker_names import where
 
     task = {"method": h.task.method, "first_run": h.task.first, "runs": h.task.count}
     return {"study": study.id, "name": study.name, "worker": where(h.worker), **task, "evaluations": h.evaluations, "silent_s": h.silent}

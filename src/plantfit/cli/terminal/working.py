@@ -35,7 +35,7 @@ def ready(study: Any, number: int | None) -> Ready:
 
 def worker_count(workers: str | None, scheduler: str | None) -> int | None:
     """The number that `--workers` asks for; None if it is left open. Raises SearchError."""
-    from plantfit.study.run.cores import sensible_workers
+    from plantfit.study.running.cores import sensible_workers
 
     if scheduler not in (None, "local") and workers is not None:
         raise SearchError("The workers of a scheduler are started beside it; leave --workers out, or use --scheduler local.")
@@ -92,8 +92,8 @@ def _begun(opened: Any, one: Ready) -> int:
 
 
 def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Stopping) -> None:
-    from plantfit.study.run.helper_processes import helping
-    from plantfit.study.run.runner import attend, joined, latched
+    from plantfit.study.running.helper_processes import helping
+    from plantfit.study.running.runner import attend, joined, latched
 
     with helping(opened, numbers, count - 1, say=warn) as team:
         stop.before_exit += [helper.kill for helper in team]  # their claims are free at once, their newest checkpoints are saved

@@ -13,7 +13,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
 from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
-from plantfit.problem.evaluate.points import residuals
+from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Drive
 from plantfit.simulate.steps.steppers import ORDER
@@ -213,7 +213,12 @@ def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
     simulator = problem.predictor.stepping()
     q = 2.0 ** ORDER[simulator.stepper]
     fine = problem.with_simulator(simulator.refined(2))
-    return (residuals(problem, z) - residuals(fine, z)) * q / (q - 1.0)
+    return (_residuals(problem, z) - residuals_alone(fine, z)) * q / (q - 1.0)
+
+
+def _residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Residuals (m,): with whole steps by what a search with them compiles anyway, of finer ones as they were compared before."""
+    return residuals(problem, z) if problem.predictor.stepping().substeps == 1 else residuals_alone(problem, z)
 
 
 class _HeldDelay(NamedTuple):
@@ -277,7 +282,7 @@ def _slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], side
     def slope(steps: Problem, side: float) -> np.ndarray:
         moved = values.copy()
         moved[list(places)] += side * width
-        return side * (residuals(steps, problem.space.cube(moved)) - residuals(steps, z))
+        return side * (_residuals(steps, problem.space.cube(moved)) - _residuals(steps, z))
 
     shares = []
     for side in sides:

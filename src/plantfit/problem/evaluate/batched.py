@@ -18,7 +18,7 @@ from plantfit.native import NativeUnsupported
 from plantfit.simulate.records.batch import Batch
 from plantfit.simulate.records.rows import RecordRows, filled, make_rows
 from plantfit.simulate.records.schedule import Chunks, Schedule, Track, make_schedule
-from plantfit.simulate.records.whole_records import slopes_of_records, squares_of_records
+from plantfit.simulate.records.whole_records import residuals_of_records, slopes_of_records, squares_of_records
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.space import Space
 
@@ -177,6 +177,9 @@ class BatchedRecords:
 
     def residuals(self, z: Any, numbers: Numbers) -> Any:
         """Scaled residuals (m,), recording by recording, output by output."""
+        if self.whole is not None and self.whole.even:
+            with contextlib.suppress(NativeUnsupported):
+                return self._all_at_once(self.whole, z[self.local], numbers)
         placed = [r.reshape(-1) / s for r, s in zip(self._placed(z[self.local], numbers), numbers.scale, strict=True)]
         roots = self._roots(numbers)
         return jnp.concatenate(
@@ -207,7 +210,7 @@ class BatchedRecords:
         p, x0 = self._start(local, numbers)
         moved = jax.vmap(directions)(local, numbers.first_input, numbers.first_output)
         r, slopes = slopes_of_records(self.simulator, whole.windows, p, x0, moved, numbers.records, numbers.steps_first)
-        scale = [self._roots(numbers) / s for s in numbers.scale]
+        scale = self._row_scales(numbers)
         return [
             (
                 jnp.concatenate([_at(a[:, k], i) * s[k] for a, i, s in zip(r, record, scale, strict=True)]),
@@ -215,6 +218,19 @@ class BatchedRecords:
             )
             for k, record in enumerate(self.scored)
         ]
+
+    def _all_at_once(self, whole: RecordRows, local, numbers: Numbers) -> Any:
+        """The residuals that `_side_by_side` gives; raises NativeUnsupported."""
+        p, x0 = self._start(local, numbers)
+        r = residuals_of_records(self.simulator, whole.windows, p, x0, numbers.steps_first)
+        scale = self._row_scales(numbers)
+        return jnp.concatenate(
+            [_at(a[:, k], i) * s[k] for k, record in enumerate(self.scored) for a, i, s in zip(r, record, scale, strict=True)]
+        )
+
+    def _row_scales(self, numbers: Numbers) -> list[Any]:
+        """By output, what the residuals of every record are multiplied by (L,)."""
+        return [self._roots(numbers) / s for s in numbers.scale]
 
     def _roots(self, numbers: Numbers) -> Any:
         """What the residuals of every record are multiplied by (L,)."""

@@ -57,3 +57,12 @@ def residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
     """As `Problem.residuals` (m,); where points share a function, by that, which a search with these steps compiles anyway."""
     data = problem.unsmoothed
     return residuals_and_jacobian(data, z)[0] if shared(data) else np.asarray(data.residuals(z))
+
+
+def residuals_alone(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """The same residuals (m,), by a function without derivatives: for steps that may never be searched with."""
+    data = problem.unsmoothed
+    if not shared(data):
+        return np.asarray(data.residuals(z))
+    zs = np.repeat(np.asarray(z, dtype=float)[None, :], WIDTH, axis=0)
+    return np.asarray(several(data.compiled["residuals"])(zs, data.arguments))[0]

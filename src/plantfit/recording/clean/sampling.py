@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.recording.read.columns import close_match
+from plantfit.recording.readers.columns import close_match
 from plantfit.recording.record import Recording, Signal
 
 

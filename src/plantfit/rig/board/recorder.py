@@ -8,7 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from plantfit.errors import BoardError, RecordingError
-from plantfit.recording.read.columns import identifier
+from plantfit.recording.readers.columns import identifier
 from plantfit.recording.record import Recording
 from plantfit.rig.board.part_file import PartFile, refuse_existing
 from plantfit.rig.board.playback import Playback, raw_values, timing

@@ -97,9 +97,10 @@ def follow(
     p = {k: np.asarray(v, dtype=float) for k, v in p.items()}
     values = simulator.positional(p)
     n, count = len(vector.states), len(drive.t)
-    grid, u0, u1, sample = _inputs(simulator, p, drive)
+    record = jax.tree.map(np.asarray, _compiled(simulator).record(p, drive))
+    grid, u0, u1, sample = _inputs(simulator, p, drive, record.steps)
     x = np.array([float(v) for v in simulator.initial(p, drive.first_input, drive.first_output)])
-    ours = np.asarray(_compiled(simulator).states(p, drive)) if n else np.zeros((0, count))
+    ours = np.asarray(record.states) if n else np.zeros((0, count))
     size = np.max(np.abs(np.where(np.isfinite(ours), ours, 0.0)), axis=1, initial=1e-9) if n else np.zeros(0)
     run = _Run(vector, rtol, atol * size, size, evaluations)
     reached = np.abs(x)
@@ -141,7 +142,7 @@ def follow(
         stopped = failed.stopped
     for i, (state, delay) in enumerate(lags):
         late[i] = [_past(run, first, state, s - delay) if s <= grid[k] else np.nan for s in drive.t]
-    channels = simulator.channels(p, drive, tuple(late))
+    channels = (*record.channels[: len(record.channels) - 1], *late, record.channels[-1])
     y = _compiled(simulator).output(tuple(states), channels, values)
     y = [np.broadcast_to(np.asarray(v, dtype=float), (count,)) for v in y]
     places = np.arange(count) if drive.samples is None else np.asarray(drive.samples)
@@ -156,9 +157,11 @@ def follow(
     )
 
 
-def _inputs(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _inputs(
+    simulator: Simulator, p: Mapping[str, Any], drive: Drive, given: tuple[Any, Any]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Grid (K + 1,) s, channels at both ends of every step (m, K), and the place on the grid of every time of the drive (N,)."""
-    steps, (u0, u1, length) = jax.tree.map(np.asarray, _compiled(simulator).steps(p, drive))
+    steps, (u0, u1, length) = given
     grid = np.append(steps.start, steps.start[-1] + length[-1]) if len(length) else np.asarray(drive.t)
     a, b = (np.stack([np.broadcast_to(c, length.shape) for c in u]) for u in (u0, u1))
     delays = simulator.vector.model.state_delays
@@ -187,18 +190,37 @@ def _goes_on(u0: np.ndarray, u1: np.ndarray, grid: np.ndarray, first: int, k: in
     return bool(np.all(np.abs(u0[:-1, k] - there) <= size) and np.all(np.abs(u1[:-1, k] - after) <= size))
 
 
-class _Compiled(NamedTuple):
-    """What is compiled once for all recordings of a simulator."""
+class Record(NamedTuple):
+    """What a simulator gives over one record: `Simulator.steps`, `states` and `channels` (without late states)."""
 
-    steps: Callable
-    states: Callable
+    steps: tuple[Any, Any]
+    states: tuple[Any, ...]
+    channels: tuple[Any, ...]
+
+
+class _Compiled(NamedTuple):
+    """What is compiled once for all recordings of a simulator: every shape costs tenths of a second."""
+
+    record: Callable[[Any, Any], Record]
     output: Callable
 
 
 @lru_cache(maxsize=32)
 def _compiled(simulator: Simulator) -> _Compiled:
-    output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
-    return _Compiled(jax.jit(simulator.steps), jax.jit(simulator.states), jax.jit(output))
+    def record(p, drive):
+        return Record(simulator.steps(p, drive), simulator.states(p, drive), simulator.channels(p, drive))
+
+    return _Compiled(jax.jit(record), jax.jit(jax.vmap(simulator.vector.output, in_axes=(0, 0, None))))
+
+
+def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:
+    """Every output (N,) at every sample by the simulator's own steps, by what `follow` compiles."""
+    p = {k: np.asarray(v, dtype=float) for k, v in p.items()}
+    if simulator.vector.model.state_delays:
+        return {o: np.asarray(y) for o, y in jax.jit(simulator.outputs)(p, drive).items()}
+    record, places = _compiled(simulator).record(p, drive), slice(None) if drive.samples is None else np.asarray(drive.samples)
+    y = _compiled(simulator).output(record.states, record.channels, simulator.positional(p))
+    return {o: np.broadcast_to(np.asarray(v), (len(drive.t),))[places] for o, v in zip(simulator.vector.outputs, y, strict=True)}
 
 
 @lru_cache(maxsize=32)

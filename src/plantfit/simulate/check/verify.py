@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow
+from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow, simulated
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.steppers import ORDER
 
@@ -38,7 +38,7 @@ def check_steps(
     one sample behind the first was reached, errors are infinite.
     """
     tight = follow(simulator, p, drive, evaluations=evaluations) if tight is None else tight
-    ours = {o: np.asarray(y) for o, y in jax.jit(simulator.outputs)({k: np.asarray(v, dtype=float) for k, v in p.items()}, drive).items()}
+    ours = simulated(simulator, p, drive)
     largest, rms, last = {}, {}, 0
     for name, y in tight.outputs.items():
         error = np.abs(ours[name] - y)[np.isfinite(y)]

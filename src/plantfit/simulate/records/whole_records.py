@@ -60,14 +60,6 @@ def slopes_of_records(
     step = _chosen(windows, lambda edges: interval(simulator, edges))
     moving, begin = directions
 
-    def forwards(p, x0, rows):
-        def body(x, now):
-            row, late, knots = now
-            later, y = step(late, p, x, row, knots)
-            return later, (x, residuals(y, row))
-
-        return native_scan(body, x0, rows, keep=True)[1]
-
     def along(p, moving, begin, before, rows, used):
         def body(s, now):
             x, (row, late, knots) = now
@@ -76,10 +68,30 @@ def slopes_of_records(
 
         return native_scan(body, begin, (before, rows), keep=True, used=used)[1]
 
-    before, found = jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first))
+    before, found = _forwards(simulator, windows, p, x0, steps_first)
     before = jax.tree.map(jnp.transpose, before)
     side_by_side = jax.vmap(along, in_axes=(None, 0, 0, None, None, None), out_axes=-1)
     return found, jax.vmap(side_by_side)(p, moving, begin, before, _rows(records), records.used)
+
+
+def residuals_of_records(simulator: Simulator, windows: str, p: Any, x0: Any, steps_first: Records) -> tuple[Any, ...]:
+    """The residuals that `slopes_of_records` gives, without the loop for their derivatives."""
+    return _forwards(simulator, windows, p, x0, steps_first)[1]
+
+
+def _forwards(simulator: Simulator, windows: str, p: Any, x0: Any, steps_first: Records) -> tuple[Any, Any]:
+    """The states before every interval and the residuals of every output (K, L)."""
+    step = _chosen(windows, lambda edges: interval(simulator, edges))
+
+    def forwards(p, x0, rows):
+        def body(x, now):
+            row, late, knots = now
+            later, y = step(late, p, x, row, knots)
+            return later, (x, residuals(y, row))
+
+        return native_scan(body, x0, rows, keep=True)[1]
+
+    return jax.vmap(forwards, in_axes=(0, 0, 1), out_axes=1)(p, x0, _rows(steps_first))
 
 
 def _joined(squares: tuple[Any, ...], weight: Any) -> tuple[Any, ...]:

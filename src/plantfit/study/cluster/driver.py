@@ -20,11 +20,11 @@ from plantfit.errors import MissingExtra, PlantfitError, SearchError, StoreError
 from plantfit.optimize import Checkpoint
 from plantfit.study.plan import Plan
 from plantfit.study.problem_recipe import Recipe
-from plantfit.study.run.cores import sensible_workers
-from plantfit.study.run.heartbeat import BEAT_SECONDS
-from plantfit.study.run.runner import CHECKPOINT_SECONDS, latched, note_changes
-from plantfit.study.run.study_progress import Meter, StudyProgress
-from plantfit.study.run.worker_names import new_worker
+from plantfit.study.running.cores import sensible_workers
+from plantfit.study.running.heartbeat import BEAT_SECONDS
+from plantfit.study.running.runner import CHECKPOINT_SECONDS, latched, note_changes
+from plantfit.study.running.study_progress import Meter, StudyProgress
+from plantfit.study.running.worker_names import new_worker
 from plantfit.study.store.claims import Claim, ClaimLost
 from plantfit.study.store.store import Store
 

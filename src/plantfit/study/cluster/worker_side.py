@@ -9,10 +9,10 @@ from plantfit.errors import PlantfitError
 from plantfit.optimize import Checkpoint
 from plantfit.study.plan import Plan, Task
 from plantfit.study.problem_recipe import Made, Recipe
-from plantfit.study.run.checkpoint_keeper import Keeper
-from plantfit.study.run.probe import check_same, probe
-from plantfit.study.run.search import search_task
-from plantfit.study.run.task_worker import as_planned, check_results, complete, parameters
+from plantfit.study.running.checkpoint_keeper import Keeper
+from plantfit.study.running.probe import check_same, probe
+from plantfit.study.running.search import search_task
+from plantfit.study.running.task_worker import as_planned, check_results, complete, parameters
 from plantfit.study.versions import cpu_model, versions
 
 TELL_SECONDS = 0.5

@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.errors import StoreError
 from plantfit.study.comparing.problem_runs import ProblemRuns
-from plantfit.study.run.probe import check_same
+from plantfit.study.running.probe import check_same
 from plantfit.study.store.records import RunRecord, StudyRecord
 from plantfit.study.store.store import Store
 

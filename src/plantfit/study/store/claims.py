@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Connection, Row, and_, insert, select, update
 
 from plantfit.study.plan import Task
-from plantfit.study.run.worker_names import is_stale
+from plantfit.study.running.worker_names import is_stale
 from plantfit.study.store import tables
 
 TABLE = tables.task

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import Status, StoreError
-from plantfit.recording.read.panics import unheard
-from plantfit.recording.read.tried import crash
+from plantfit.recording.readers.panics import unheard
+from plantfit.recording.readers.tried import crash
 from plantfit.study.plan import MOST_RUNS
 from plantfit.study.store.codec import from_blob, from_json, to_blob, unspelled
 from plantfit.study.store.export import FORMAT, NUMBERS, PARAMETER, VECTORS, WHOLE_NUMBERS
@@ -76,7 +76,9 @@ def _from_parquet(path: Path) -> WholeStudy:
         with unheard():
             text = pl.read_parquet_metadata(path).get("plantfit")
         if text is None:
-            raise _Refused('is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export` wrote')
+            raise _Refused(
+                'is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export-study` wrote'
+            )
         with unheard():
             frame = pl.read_parquet(path)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
@@ -92,7 +94,7 @@ def _from_parquet(path: Path) -> WholeStudy:
 def _header(record: Any) -> WholeStudy:
     """The study without its runs."""
     if not isinstance(record, Mapping) or not str(record.get("format", "")).startswith("plantfit study "):
-        raise _Refused('is not an exported study (it does not say "plantfit study"); give a file that `plantfit export` wrote')
+        raise _Refused('is not an exported study (it does not say "plantfit study"); give a file that `plantfit export-study` wrote')
     if record["format"] != FORMAT:
         told = f"has the format {record['format']!r}, but this plantfit reads {FORMAT!r}"
         raise _Refused(f"{told}; use the plantfit that wrote it, or update this one")

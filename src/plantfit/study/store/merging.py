@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import Connection, Row, and_, select, update
 
 from plantfit.errors import StoreError
-from plantfit.study.run.probe import check_same
+from plantfit.study.running.probe import check_same
 from plantfit.study.store import tables
 from plantfit.study.store.claims import utc_now
 from plantfit.study.store.codec import from_json, to_blob, to_json

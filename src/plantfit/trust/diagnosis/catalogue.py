@@ -104,7 +104,10 @@ def _of_inputs(problem: Problem, model: Model) -> Iterator[Extension]:
         yield _made("lag", u, "s", 0.02 * period, length, times)
         size = np.abs(values)
         top, least = float(np.max(size)), float(np.min(size))
-        yield _made("dead_zone", u, unit, 0.0, top, tuple(least + s * (top - least) for s in (0.05, 0.15, 0.35)) if least < top else ())
+        inside = tuple(least + s * (top - least) for s in (0.05, 0.15, 0.35)) if least < top else ()
+        # an input that keeps away from zero shows a zone below it as a shift
+        below = tuple(s * least for s in (0.3, 0.7)) if least > 0.1 * top else ()
+        yield _made("dead_zone", u, unit, 0.0, top, (*below, *inside))
         yield _made("saturation", u, unit, least + 1e-3 * (top - least), top, tuple(least + s * (top - least) for s in (0.9, 0.7, 0.5)))
         gaps = tuple(s * float(np.ptp(values)) for s in (0.02, 0.07, 0.2))
         yield _made("backlash", u, unit, 0.0, 0.5 * float(np.ptp(values)), gaps)

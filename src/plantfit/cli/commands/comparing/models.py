@@ -65,7 +65,7 @@ def _names(given: Sequence[str], files: Sequence[str]) -> dict[str, str]:
 
 def _from_file(opened: "Store", name: str, study: Any) -> Model:
     """A study file, with its study in the store where there is one of the same wording, data and bounds."""
-    from plantfit.study.run.probe import check_same, probe
+    from plantfit.study.running.probe import check_same, probe
 
     one = ready(study, None)
     now = probe(one.objective, one.problem.space.physical)

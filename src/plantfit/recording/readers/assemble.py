@@ -1,0 +1,179 @@
+"""The one way from columns to a recording, shared by all readers."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypedDict, Unpack
+
+import numpy as np
+
+from plantfit.errors import RecordingError, UnitError
+from plantfit.recording.readers.clock import guess_time, seconds
+from plantfit.recording.readers.columns import Column, Table, close_match, identifier
+from plantfit.recording.readers.numbers import mostly_numbers, numbers
+from plantfit.recording.record import Recording, Signal
+from plantfit.units import parse
+
+
+class Options(TypedDict, total=False):
+    """What every reader takes.
+
+    `time`: column of time (header or number); left out, it is recognised by its name or cells.
+    `period`: seconds between rows, instead of a time column.
+    `time_unit`: unit of a time column of numbers whose header has none.
+    `signals`: own names to columns, or a list of columns; left out, every column of numbers.
+    `units`: units by own name, for columns whose header has none.
+    `sort`: allow rows out of order. `duplicates`: what to do with rows of equal time.
+    `name`: of the recording.
+    """
+
+    time: str | int | None
+    period: float | None
+    time_unit: str | None
+    signals: Mapping[str, str | int] | Sequence[str | int] | None
+    units: Mapping[str, str] | None
+    sort: bool
+    duplicates: Literal["mean", "first"] | None
+    name: str | None
+
+
+def assemble(table: Table, **options: Unpack[Options]) -> Recording:
+    """A recording from the columns of a table; raises RecordingError or UnitError with file and line."""
+    _check_options(table, options)
+    t, time_column, log = _time(table, options)
+    chosen, chosen_log = _chosen(table, options.get("signals"), time_column)
+    log = [*table.log, *log, *chosen_log]
+    values, units = {}, {}
+    for name, column in chosen.items():
+        values[name], said = numbers(table, column, f"signal {name!r}")
+        log += said
+        units[name] = column.unit
+    units = _with_given_units(table, units, options.get("units") or {}, chosen)
+    count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
+    signals = {name: Signal(array, units[name]) for name, array in values.items()}
+    name = options.get("name") or table.source
+    return Recording(t, signals, name, (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s."))
+
+
+def _check_options(table: Table, options: Options) -> None:
+    unknown = [key for key in options if key not in Options.__annotations__]
+    if unknown:
+        hint = close_match(unknown[0], Options.__annotations__)
+        raise RecordingError(f"{table.source}: unknown reading option {unknown[0]!r}{hint}; known are {list(Options.__annotations__)}.")
+    if options.get("duplicates") not in (None, "mean", "first"):
+        raise RecordingError(f"{table.source}: duplicates is {options.get('duplicates')!r}; use 'mean' or 'first'.")
+    if options.get("time") is not None and options.get("period") is not None:
+        raise RecordingError(f"{table.source}: both time and period are given; leave one of them out.")
+    if not table.columns or not len(table.columns[0].cells):
+        raise RecordingError(f"{table.source} holds no rows of data; check that the file is complete.")
+
+
+def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, list[str]]:
+    period, wanted = options.get("period"), options.get("time")
+    if period is not None:
+        if not (np.isfinite(period) and period > 0):
+            raise RecordingError(f"{table.source}: period is {period!r}; give the seconds between two rows, above 0.")
+        return np.arange(len(table.columns[0].cells)) * float(period), None, [f"Time counted from 0 in steps of {period:g} s."]
+    column = table.column(wanted, "time") if wanted is not None else guess_time(table)
+    if column is None:
+        raise RecordingError(
+            f"{table.source}: no column looks like time; give time= one of {[c.header for c in table.columns]} or period= in seconds."
+        )
+    t, sentence = seconds(table, column, options.get("time_unit"))
+    return t, column, [sentence]
+
+
+def _chosen(
+    table: Table, wanted: Mapping[str, str | int] | Sequence[str | int] | None, time: Column | None
+) -> tuple[dict[str, Column], list[str]]:
+    if isinstance(wanted, Mapping):
+        chosen = {str(name): table.column(column, f"signal {name!r}") for name, column in wanted.items()}
+        log = []
+    elif wanted is not None:
+        columns = [wanted] if isinstance(wanted, (str, int)) else list(wanted)
+        chosen, log = _own_names([table.column(column, "a signal") for column in columns], table)
+    else:
+        others = [column for column in table.columns if column is not time]
+        numeric = [column for column in others if mostly_numbers(table, column)]
+        chosen, log = _own_names(numeric, table)
+        log += [f"Column {column.header!r} holds no numbers and was left out." for column in others if column not in numeric]
+        log += [f"{name!r} was left out because {why}." for name, why in table.left_out.items()]
+    if not chosen:
+        raise RecordingError(f"{table.source}: no column of numbers is left beside time; it has {[c.header for c in table.columns]}.")
+    return chosen, log
+
+
+def _own_names(columns: Sequence[Column], table: Table) -> tuple[dict[str, Column], list[str]]:
+    chosen: dict[str, Column] = {}
+    log = []
+    for column in columns:
+        clean = name = identifier(column.name)
+        count = 1
+        while name in chosen:
+            count += 1
+            name = f"{clean}_{count}"
+        if name != clean:
+            log.append(f"Column {[*table.columns].index(column)} ({column.header!r}) is called {name!r}, because {clean!r} was taken.")
+        chosen[name] = column
+    return chosen, log
+
+
+def _with_given_units(
+    table: Table, units: Mapping[str, str | None], given: Mapping[str, str], chosen: Mapping[str, Column]
+) -> dict[str, str | None]:
+    result = dict(units)
+    for name, unit in given.items():
+        if name not in units:
+            raise RecordingError(
+                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not one of the signals {list(units)}."
+            )
+        parse(unit)
+        stated = units[name]
+        if stated is not None and parse(stated) != parse(unit):
+            raise UnitError(
+                f"{table.source}: column {chosen[name].header!r} says {stated!r} but units says {unit!r} for {name!r}; "
+                f"leave it out of units and convert with convert_units if you want {unit!r}."
+            )
+        result[name] = unit
+    return result
+
+
+def _in_order(
+    table: Table, t: np.ndarray, values: dict[str, np.ndarray], sort: bool, duplicates: str | None
+) -> tuple[int, dict[str, np.ndarray], np.ndarray, list[str]]:
+    """How many samples are left, their values and times, in the order of time, and log sentences."""
+    steps = np.diff(t)
+    if np.all(steps > 0):
+        return len(t), values, t, []
+    order, log = np.arange(len(t)), []
+    back = np.flatnonzero(steps < 0)
+    if len(back) and not sort:
+        row = int(back[0]) + 1
+        raise RecordingError(
+            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; "
+            "give sort=True, or cut the file there if it holds two runs."
+        )
+    if len(back):
+        order = np.argsort(t, kind="stable")
+        log.append(f"Rows were sorted by time; time went back {len(back)} times.")
+    t = t[order]
+    values = {name: array[order] for name, array in values.items()}
+    same = np.flatnonzero(np.diff(t) == 0)
+    if not len(same):
+        return len(t), values, t, log
+    if duplicates is None:
+        row = int(order[same[0] + 1])
+        raise RecordingError(f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates='mean' or duplicates='first'.")
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])
+    merge = _first if duplicates == "first" else _mean
+    log.append(f"{len(same)} rows of repeated time were merged ({duplicates}).")
+    return len(starts), {name: merge(array, starts) for name, array in values.items()}, t[starts], log
+
+
+def _first(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    return values[starts]
+
+
+def _mean(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    there = np.isfinite(values)
+    total = np.add.reduceat(np.where(there, values, 0.0), starts)
+    count = np.add.reduceat(there.astype(float), starts)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -1,0 +1,157 @@
+"""Time columns to seconds: numbers with a unit, ISO timestamps, or clock readings."""
+
+import re
+from datetime import datetime
+
+import numpy as np
+import polars as pl
+
+from plantfit.errors import RecordingError, UnitError
+from plantfit.recording.readers.columns import Column, Table
+from plantfit.recording.readers.numbers import casted, clean_text, is_missing, numbers
+from plantfit.units import compatible, factor_offset
+
+_CLOCK = re.compile(r"(\d+):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
+_SUFFIX = re.compile(r"^(?:t|time|zeit|elapsed|timestamp)[_ ](ns|us|µs|ms|s|sec|min|h)$", re.IGNORECASE)
+_NAMES = re.compile(
+    r"^(t|time|zeit|date|datetime|timestamp|elapsed|sec|seconds|millis|micros|time stamp|date ?time|elapsed time"
+    r"|(t|time|zeit|elapsed|timestamp)[_ ](ns|us|µs|ms|s|sec|min|h))$",
+    re.IGNORECASE,
+)
+_BARE_UNITS = {"sec": "s", "seconds": "s", "millis": "ms", "micros": "us"}
+
+
+def looks_like_time(cell: str) -> bool:
+    """Whether a text is an ISO timestamp or a clock reading (not a plain number)."""
+    cell = cell.strip()
+    if _CLOCK.fullmatch(cell):
+        return True
+    return bool(re.match(r"\d{4}-\d\d-\d\d", cell)) and _timestamp(cell) is not None
+
+
+def is_time_name(name: str) -> bool:
+    """Whether a column of this name is taken as time."""
+    return _NAMES.match(name) is not None
+
+
+def guess_time(table: Table) -> Column | None:
+    """The column that a reader would take as time: by its name, by its cells, or the first of a file without header."""
+    named = [c for c in table.columns if is_time_name(c.name)]
+    if named:
+        return named[0]
+    for column in table.columns:
+        if column.cells.dtype.is_temporal():
+            return column
+        if column.cells.dtype == pl.String:
+            filled = [cell for cell in column.cells.head(20).to_list() if not is_missing(cell)]
+            if filled and all(looks_like_time(cell) for cell in filled):
+                return column
+    if not table.header and table.columns:
+        values, text, _ = casted(table, table.columns[0].cells)
+        if not len(text) and len(values) > 2 and np.all(np.diff(values) > 0):
+            return table.columns[0]
+    return None
+
+
+def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
+    """(unit, how it is known) for a time column of numbers; raises UnitError for a contradiction or a unit that is no time."""
+    suffix = _SUFFIX.match(column.name)
+    stated = column.unit or (suffix[1] if suffix else _BARE_UNITS.get(column.name.lower()))
+    if stated is not None and not compatible(stated, "s"):
+        if given is None:
+            raise UnitError(
+                f"Time column {column.header!r} has unit {stated!r}, which is no time; choose another column or give time_unit='s'."
+            )
+        stated = None
+    if given is not None:
+        if not compatible(given, "s"):
+            raise UnitError(f"time_unit {given!r} is no unit of time; use 's', 'ms', 'us', 'min' or 'h'.")
+        if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
+            raise UnitError(
+                f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header."
+            )
+        return given, "given"
+    return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
+
+
+def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.ndarray, str]:
+    """Times (n,) in seconds and a log sentence; timestamps and clock readings count from the first row."""
+    cells = column.cells
+    if cells.dtype.is_temporal():
+        _refuse_unit(column, time_unit, "dates or clock readings")
+        return _from_temporal(table, column), f"Time from {column.header!r}, in seconds from the first row."
+    if cells.dtype == pl.String:
+        text = clean_text(cells).to_list()
+        first = next((cell for cell in text if cell is not None), "")
+        if looks_like_time(first):
+            _refuse_unit(column, time_unit, "timestamps or clock readings")
+            return _from_text(table, column, text, first)
+    values, _ = numbers(table, column, "time")
+    _no_gaps(table, column, np.isfinite(values))
+    unit, known_by = time_unit_of(column, time_unit)
+    factor, _ = factor_offset(unit, "s")
+    # a division keeps 7 ms at 0.007 s to the last bit, a product does not
+    values = values / round(1 / factor) if factor < 1 else values * factor
+    return values, f"Time from {column.header!r} in {unit} ({known_by})."
+
+
+def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
+    if time_unit is not None:
+        raise UnitError(f"Time column {column.header!r} holds {kind}, which have no unit {time_unit!r}; leave time_unit out.")
+
+
+def _no_gaps(table: Table, column: Column, there: np.ndarray) -> None:
+    if not there.all():
+        raise RecordingError(
+            f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete that row."
+        )
+
+
+def _from_temporal(table: Table, column: Column) -> np.ndarray:
+    cells = column.cells
+    _no_gaps(table, column, cells.is_not_null().to_numpy())
+    nanoseconds = cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype).to_physical().cast(pl.Int64)
+    ticks = {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(cells.dtype, "time_unit", None) or "ns"] if cells.dtype == pl.Duration else 1e9
+    return (nanoseconds - nanoseconds[0]).to_numpy() / ticks
+
+
+def _timestamp(cell: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+
+
+def _from_text(table: Table, column: Column, text: list[str | None], first: str) -> tuple[np.ndarray, str]:
+    _no_gaps(table, column, np.array([cell is not None for cell in text]))
+    clock = _CLOCK.fullmatch(first) is not None
+    read = _clock_seconds if clock else _timestamp
+    found = [read(cell or "") for cell in text]
+    if None in found:
+        row = found.index(None)
+        kind = "a clock reading like 13:05:59.2" if clock else "an ISO timestamp like 2024-05-31T13:05:59.2"
+        raise RecordingError(f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}; correct that cell.")
+    if clock:
+        return _past_midnight(np.array(found, dtype=float), column)
+    start = found[0]
+    try:
+        values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]
+    except TypeError:
+        raise RecordingError(
+            f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all alike."
+        ) from None
+    return values, f"Time from the timestamps {column.header!r}, in seconds from {start}."
+
+
+def _clock_seconds(cell: str) -> float | None:
+    found = _CLOCK.fullmatch(cell)
+    return None if found is None else 3600.0 * int(found[1]) + 60.0 * int(found[2]) + float(found[3].replace(",", "."))
+
+
+def _past_midnight(values: np.ndarray, column: Column) -> tuple[np.ndarray, str]:
+    days = np.concatenate([[0], np.cumsum(np.diff(values) < -43200)])
+    tail = f", past midnight {int(days[-1])} times" if days[-1] else ""
+    # rounding to the nanosecond takes back what the subtraction of a large clock reading left behind
+    return np.round(
+        values - values[0] + 86400.0 * days, 9
+    ), f"Time from the clock readings {column.header!r}, in seconds from the first{tail}."
