@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from plantfit.space import Parameter, Space
     from plantfit.spec import load
     from plantfit.study import Plan, Store, objective_of
+    from plantfit.which_model import ModelsCompared, compare_models
 
 __version__ = "0.1.0"
 
@@ -33,6 +34,7 @@ _PLACES = {
     "Delay": "plantfit.models.model",
     "Experiment": "plantfit.problem",
     "Model": "plantfit.models.model",
+    "ModelsCompared": "plantfit.which_model",
     "Objective": "plantfit.optimize",
     "Parameter": "plantfit.space",
     "Plan": "plantfit.study",
@@ -45,6 +47,7 @@ _PLACES = {
     "Space": "plantfit.space",
     "Status": "plantfit.errors",
     "Store": "plantfit.study",
+    "compare_models": "plantfit.which_model",
     "equations": "plantfit.models",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
@@ -69,6 +72,7 @@ __all__ = [
     "Delay",
     "Experiment",
     "Model",
+    "ModelsCompared",
     "Objective",
     "Parameter",
     "Plan",
@@ -81,6 +85,7 @@ __all__ = [
     "Space",
     "Status",
     "Store",
+    "compare_models",
     "equations",
     "fit",
     "from_arrays",

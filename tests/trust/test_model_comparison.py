@@ -8,7 +8,7 @@ from plantfit.errors import ModelError
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.validate.model_comparison import compare_models
+from plantfit.trust.validate.model_comparison import by_criteria
 
 POWERS = {1: "a + b*u", 2: "a + b*u + c*u*u", 4: "a + b*u + c*u*u + d*u*u*u + g*u*u*u*u"}
 
@@ -33,7 +33,7 @@ def sampled(seed, n=200, memory=0.0):
 
 def compared(seed, **more):
     u, y = sampled(seed, **more)
-    return compare_models({f"order {p}": polynomial(p, u, y) for p in POWERS})
+    return by_criteria({f"order {p}": polynomial(p, u, y) for p in POWERS})
 
 
 def test_criteria_of_white_residuals_are_the_textbooks():
@@ -64,7 +64,7 @@ def test_correlated_residuals_are_worth_fewer():
 
 def test_left_out_errors_are_told_and_who_has_none():
     u, y = sampled(3)
-    found = compare_models({f"order {p}": polynomial(p, u, y) for p in (1, 2)}, {"order 2": 0.51})
+    found = by_criteria({f"order {p}": polynomial(p, u, y) for p in (1, 2)}, {"order 2": 0.51})
     assert found.best("left_out").name == "order 2"
     assert found.sentences[-1] == (
         "Recordings left out are predicted best by order 2, with an RMS error of 0.51; order 1: cannot predict a recording without having "
@@ -78,6 +78,6 @@ def test_left_out_errors_are_told_and_who_has_none():
 def test_other_data_or_scales_are_refused():
     u, y = sampled(4)
     with pytest.raises(ModelError, match="fit all of them to the same data"):
-        compare_models({"a": polynomial(1, u, y), "b": polynomial(2, u[:-1], y[:-1])})
+        by_criteria({"a": polynomial(1, u, y), "b": polynomial(2, u[:-1], y[:-1])})
     with pytest.raises(ModelError, match="fit all of them to the same data"):
-        compare_models({"a": polynomial(1, u, y), "b": polynomial(2, u, y, scales={"y": 2.0})})
+        by_criteria({"a": polynomial(1, u, y), "b": polynomial(2, u, y, scales={"y": 2.0})})

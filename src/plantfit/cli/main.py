@@ -85,9 +85,28 @@ def init(
     json: Json = False,
 ) -> None:
     """Look at the columns of a recording and write a commented study file that runs."""
-    from plantfit.cli.commands import init as command
+    from plantfit.cli.commands.before import init as command
 
     command.init(file, out, force, json)
+
+
+@app.command()
+def look(
+    file: Annotated[str, typer.Argument(help="A study file (TOML), or a file of measurements.")],
+    input_: Annotated[
+        list[str] | None, typer.Option("--input", help="An input (repeat); those of the study, else the first column, if left out.")
+    ] = None,
+    output: Annotated[
+        list[str] | None, typer.Option("--output", help="An output (repeat); those of the study, else the last column, if left out.")
+    ] = None,
+    recording: Annotated[str | None, typer.Option("--recording", help="Which recording of a study file; the first if left out.")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-look.html if left out.")] = None,
+    json: Json = False,
+) -> None:
+    """Look at a recording without equations: frequency and step response, delay, and how well any linear model does."""
+    from plantfit.cli.commands.before import look as command
+
+    command.look(file, input_ or [], output or [], recording, out, json)
 
 
 @app.command()
@@ -275,9 +294,22 @@ def predict(
 
 @app.command()
 def compare(
-    studies: Annotated[list[int] | None, typer.Argument(help="Numbers of studies in `plantfit list`; the newest if left out.")] = None,
+    given: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Study files (TOML) of models of the same data; or numbers or names of stored studies, the newest if left out."
+        ),
+    ] = None,
     store: StorePlace = STORE,
     out: Annotated[str, typer.Option("--out", "-o", help="Where the HTML comparison goes.")] = "compare.html",
+    models: Annotated[
+        bool | None,
+        typer.Option("--models/--methods", help="What stored studies are compared by; decided by what is given if left out."),
+    ] = None,
+    linear: Annotated[
+        bool, typer.Option("--linear/--no-linear", help="Models: also fit the best linear model without physics, as a baseline.")
+    ] = True,
+    workers: Workers = None,
     latex: Annotated[str | None, typer.Option("--latex", help="Also write a table for papers (booktabs) to this file.")] = None,
     csv: Annotated[str | None, typer.Option("--csv", help="Also write the table to this CSV file.")] = None,
     target: Annotated[list[float] | None, typer.Option("--target", help="A cost worth reaching (repeat).")] = None,
@@ -286,11 +318,14 @@ def compare(
     seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
     json: Json = False,
 ) -> None:
-    """Compare methods over their runs: who wins, by how much, how sure. Several studies of one problem are put together;
-    studies of different problems are the replicates of one comparison."""
-    from plantfit.cli.commands import compare as command
+    """Compare models of the same data, or search methods.
 
-    command.compare(studies or [], store, out, latex, csv, target or [], floor, optimum, seed, json)
+    Study files, or stored studies of different models of the same data: fits what is not fitted yet and says which predicts unseen data
+    better, by how much, and what AICc and BIC choose. Otherwise the methods of the studies over their runs: who wins, by how much, how
+    sure; studies of one problem are put together, studies of different problems are the replicates of one comparison."""
+    from plantfit.cli.commands.comparing import chosen
+
+    chosen.compare(given or [], store, out, latex, csv, target or [], floor, optimum, seed, models, linear, workers, json)
 
 
 @app.command("tune-search")

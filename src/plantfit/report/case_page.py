@@ -6,6 +6,7 @@ from typing import Any
 
 from plantfit.report import html
 from plantfit.report.drawings import Drawings
+from plantfit.report.sections.sentences import LEVELS
 from plantfit.report.sections.tables import Table
 
 _NUMBER_STARTS = set("0123456789+-\u2212\u00b1<>~")
@@ -17,6 +18,7 @@ def write_case_page(record: Mapping[str, Any], path: str | Path, reports: Sequen
     The record has "title", "subtitle" and "sections", each section
 
         {"title": str, "command": str, "sentences": [str],
+         "verdict": [{"level": "good"|"info"|"warning"|"bad", "sentence": str}],
          "tables": [{"caption": str, "columns": [str], "rows": [[str]], "note": str (optional)}],
          "figures": [{"figure": plotly dictionary, "label": what it shows}]}
 
@@ -44,9 +46,15 @@ def _section(section: Mapping[str, Any], drawings: Drawings) -> dict[str, Any]:
         "title": section["title"],
         "command": section.get("command", ""),
         "sentences": list(section.get("sentences", ())),
+        "verdict": [_said(v["level"], v["sentence"]) for v in section.get("verdict", ())],
         "tables": [{"grid": _table(t), "note": t.get("note", "")} for t in section.get("tables", ())],
         "figures": [drawings.add(f["figure"], f["label"]) for f in section.get("figures", ())],
     }
+
+
+def _said(level: str, sentence: str) -> dict[str, str]:
+    word, mark = LEVELS[level]
+    return {"level": level, "word": word, "mark": mark, "sentence": sentence}
 
 
 def _table(table: Mapping[str, Any]) -> Table:

@@ -13,7 +13,7 @@ from plantfit.space import Parameter
 from plantfit.trust.finish.smoothed_descent import Rows, descend
 from plantfit.trust.finish.smoothing_strength import by_reml
 from plantfit.trust.validate.left_out import left_out_recordings
-from plantfit.trust.validate.model_comparison import ModelComparison, compare_models
+from plantfit.trust.validate.model_comparison import ModelComparison, by_criteria
 
 TABLES = ("k", "A1", "A2")
 PRESSURES = {"from": 0, "to": 20, "count": 6}  # bar, of the shared surface
@@ -60,7 +60,7 @@ def compared(found: Mapping[str, Answer]) -> tuple[ModelComparison, dict[str, di
     """The models by their criteria, and the error (bar) on each opening that its fit had not seen, for shared tables."""
     blind = {n: left_out_recordings(p, z, _openings(p)) for n, (p, z) in found.items() if p.separable is None}
     total = {n: float(np.sqrt(np.mean(np.square(list(errors.values()))))) for n, errors in blind.items()}
-    return compare_models(found, total), blind
+    return by_criteria(found, total), blind
 
 
 def opening_of(name: str) -> float:

@@ -8,13 +8,11 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
-from plantfit.problem.measure.long_run import inflation
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.covariance import effective_parameters
 from plantfit.trust.intervals.linearised import residual_blocks
 from plantfit.trust.verdict.words import number
-
-NEAR = 2.0  # difference of a criterion up to which a model has as much support (Burnham and Anderson 2002, section 2.6)
+from plantfit.trust.which_model.candidates import effective_count
+from plantfit.trust.which_model.criteria import criteria, inflation_of
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class ModelComparison:
         """The candidate with the least "aic", "aicc", "bic", "rms" or "left_out"."""
         known = [c for c in self.candidates if getattr(c, criterion) is not None]
         if not known:
-            raise ModelError(f"No candidate has {criterion!r}; give left_out to compare_models.")
+            raise ModelError(f"No candidate has {criterion!r}; give left_out to by_criteria.")
         return min(known, key=lambda c: getattr(c, criterion))
 
     @property
@@ -75,31 +73,23 @@ class ModelComparison:
         return {"caption": "Models compared", "columns": columns, "rows": rows, "note": note}
 
 
-def compare_models(answers: Mapping[str, tuple[Problem, np.ndarray]], left_out: Mapping[str, float] | None = None) -> ModelComparison:
-    """Candidates from problems on the same data and their answers z (d,); `left_out` RMS errors by name, where there are any.
+def by_criteria(answers: Mapping[str, tuple[Problem, np.ndarray]], left_out: Mapping[str, float] | None = None) -> ModelComparison:
+    """Candidates from problems on the same residuals and their answers z (d,); `left_out` RMS errors by name, where there are any.
 
-    With K effective parameters and one for the variance, n residuals of mean square s^2 and the factor c by which correlation
-    from sample to sample inflates the variance of a mean, in the candidate that fits best (so that all have the same):
-
-        AIC = n ln(s^2)/c + 2 K,   AICc = AIC + 2 K (K + 1)/(n/c - K - 1),   BIC = n ln(s^2)/c + K ln(n/c)        (1)
-
-    Burnham and Anderson, Model Selection and Multimodel Inference, 2nd ed. 2002, sections 2.5 and 6.4.1; smoothed tables count
-    by their effective entries (Hastie, Tibshirani and Friedman, Elements of Statistical Learning, 2nd ed., section 7.6). Raises
-    ModelError for candidates whose data differ.
+    The criteria are those of `trust.which_model.criteria` (1). `plantfit.compare_models` says of finished answers which predicts better.
+    Raises ModelError for candidates whose data differ.
     """
-    data = {name: _residuals(problem, z) for name, (problem, z) in answers.items()}
+    data = {name: np.asarray(problem.residuals(z)) for name, (problem, z) in answers.items()}
     sizes = {name: (len(r), tuple(problem.scales.values())) for (name, (problem, _)), r in zip(answers.items(), data.values(), strict=True)}
     if len(set(sizes.values())) != 1:
-        raise ModelError(f"compare_models: the candidates have (residuals, scales) {sizes}; fit all of them to the same data and scales.")
+        raise ModelError(f"by_criteria: the candidates have (residuals, scales) {sizes}; fit all of them to the same data and scales.")
     richest = min(data, key=lambda name: float(np.sum(data[name] ** 2)))
-    n, factor = len(data[richest]), _inflation(answers[richest][0], data[richest])
+    blocks = residual_blocks(answers[richest][0])
+    n, factor = len(data[richest]), inflation_of([data[richest][b.rows] for b in blocks], [b.index for b in blocks])
     made = {}
     for name, (problem, z) in answers.items():
-        square, k = float(np.mean(data[name] ** 2)), _effective(problem, z)
-        fit, count, rest = n * np.log(square) / factor, k + 1.0, n / factor - k - 2.0
-        aic = fit + 2.0 * count
-        aicc = aic + 2.0 * count * (count + 1.0) / rest if rest > 0 else float("inf")
-        made[name] = (problem.space.dimension, k, np.sqrt(square), aic, aicc, fit + count * np.log(n / factor))
+        square, k = float(np.mean(data[name] ** 2)), effective_count(problem, z)
+        made[name] = (problem.space.dimension, k, np.sqrt(square), *criteria(np.log(square), n, k, factor))
     least = np.min([row[3:] for row in made.values()], axis=0)
     left = left_out or {}
     candidates = [
@@ -107,21 +97,3 @@ def compare_models(answers: Mapping[str, tuple[Problem, np.ndarray]], left_out: 
         for name, (free, k, rms, aic, aicc, bic) in made.items()
     ]
     return ModelComparison(tuple(candidates), n, n / factor)
-
-
-def _residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
-    return np.asarray(problem.residuals(z))
-
-
-def _inflation(problem: Problem, residuals: np.ndarray) -> float:
-    squares = [float(np.sum(residuals[b.rows] ** 2)) for b in residual_blocks(problem)]
-    factors = [inflation(residuals[b.rows], b.index) for b in residual_blocks(problem)]
-    return float(np.dot(squares, factors) / max(np.sum(squares), 1e-300))
-
-
-def _effective(problem: Problem, z: np.ndarray) -> float:
-    """Effective number of free parameters at z."""
-    residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
-    variance = max(float(np.mean(residuals**2)), 1e-300)
-    smoothing = np.zeros((len(z), len(z))) if problem.smoothing is None else problem.smoothing.matrix
-    return float(np.sum(effective_parameters(jacobian, residual_blocks(problem), smoothing, variance)))

@@ -1,4 +1,4 @@
-"""`plantfit compare`."""
+"""`plantfit compare` of search methods."""
 
 import shlex
 from collections.abc import Sequence

@@ -1,0 +1,1 @@
+"""Commands for a recording that has no model yet."""

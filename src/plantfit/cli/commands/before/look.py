@@ -1,0 +1,66 @@
+"""`plantfit look`: a recording without equations."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from plantfit.cli.arguments.file_names import file_name
+from plantfit.cli.terminal.out import out, print_json, verdict
+from plantfit.errors import RecordingError, SpecError
+
+
+def look(path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | None, place: str | None, json: bool) -> None:
+    """Look at a study file's recording with its inputs and outputs, or at a file of measurements."""
+    from plantfit.report.html import check_place
+
+    recording, own_in, own_out, masks = _of_study(path, name) if path.endswith(".toml") else _of_file(path, inputs, outputs)
+    own_in, own_out = list(inputs) or own_in, list(outputs) or own_out
+    for signal in (*own_in, *own_out):
+        if signal not in recording.signals:
+            raise RecordingError(f"{path} has no signal {signal!r}; it has {list(recording.signals)}.")
+    to = Path(place or file_name(f"{Path(path).name.split('.')[0]}-look", "html"))
+    check_place(to)
+    from plantfit.first_look import look as looked
+    from plantfit.report.case_page import write_case_page
+    from plantfit.report.sections.looked import look_page
+
+    fitted = {o: masks[0] for o in own_out} if masks else None
+    unseen = {o: masks[1] for o in own_out} if masks else None
+    record = looked(recording, own_in, own_out, fitted, unseen)
+    write_case_page(look_page(record), to)
+    if json:
+        return print_json({**record, "written": str(to)})
+    words = f"input{'s' * (len(own_in) > 1)} {', '.join(own_in)}, output{'s' * (len(own_out) > 1)} {', '.join(own_out)}"
+    out.print(f"{recording.name}: {words}", markup=False)
+    verdict(record)
+    out.print(f"\nPage: {to}", markup=False)
+
+
+def _of_study(path: str, name: str | None) -> tuple[Any, list[str], list[str], Any]:
+    from plantfit import spec
+
+    problem = spec.load(path).problem
+    names = list(problem.experiments)
+    if name is not None and name not in names:
+        raise SpecError(f"{path} has no recording {name!r}; it has {names}.")
+    experiment = problem.experiments[name or names[0]]
+    if experiment.steady:
+        raise RecordingError(f"Recording {experiment.recording.name!r} is steady, where time means nothing; look at one that moves.")
+    inputs = [n for n in getattr(problem.model, "inputs", {}) if n not in problem.outputs]
+    if not inputs:
+        raise SpecError(f"{path}: the model has no inputs, and a first look is at what outputs answer to inputs; name some with --input.")
+    fit = experiment.mask("fit")
+    masks = (fit, experiment.mask("validation") & ~fit) if fit.any() else None
+    return experiment.recording, inputs, list(problem.outputs), masks
+
+
+def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Any, list[str], list[str], None]:
+    from plantfit import recording as rec
+
+    read = rec.read(path)
+    moving = list(read.signals)
+    if len(moving) < 2:
+        raise RecordingError(f"{path} has the signals {moving}; a first look needs an input and an output.")
+    taken = {*inputs, *outputs}
+    left = [s for s in moving if s not in taken]
+    return read, list(inputs) or left[:1], list(outputs) or left[-1:], None

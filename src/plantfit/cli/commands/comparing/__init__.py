@@ -1,0 +1,1 @@
+"""`plantfit compare`: models of the same data, or search methods over their runs."""

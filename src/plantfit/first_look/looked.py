@@ -1,0 +1,119 @@
+"""The record of a first look: what each output answers to each input, and how far a linear model explains it."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.errors import RecordingError
+from plantfit.first_look.baseline import Baseline, baseline
+from plantfit.first_look.data import Data, data_of
+from plantfit.first_look.delay import reaction_delay
+from plantfit.first_look.frequency import frequency_response
+from plantfit.first_look.linear import step_band
+from plantfit.recording.record import Recording
+
+MOST_STEP = 400  # samples of a step response
+PART = 0.7  # of a recording that is fitted, where nothing is said
+
+
+def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str], fitted: Mapping[str, np.ndarray] | None = None,
+         unseen: Mapping[str, np.ndarray] | None = None) -> dict[str, Any]:  # fmt: skip
+    """The record of a first look at one recording, JSON types only:
+
+    {"recording", "verdict": [{"level", "sentence", "figures"}], "outputs": [{"output", "unit", "t", "measured", "simulated", "part",
+      "order", "dead_times": {input: s}, "rmse": {"fit", "unseen"}, "share": {"fit", "unseen"}, "poles": [[re, im]],
+      "orders": [{"order", "bic", "rmse", "arx_rmse"}],
+      "pairs": [{"input", "unit", "delay", "lags", "correlation", "bound", "f", "gain", "phase", "radius", "coherence", "model_gain",
+         "model_phase", "step_t", "step", "step_half"}]}]}
+
+    `fitted` and `unseen` (n,) bool by output; by default the first 70 % are fitted and the rest is unseen. Times in s, frequencies in Hz,
+    phases in degrees. Raises RecordingError as `data_of` does.
+    """
+    n = len(recording)
+    first = np.arange(n) < round(PART * n)
+    made, said = [], []
+    for output in outputs:
+        own = first if fitted is None else fitted[output]
+        data = data_of(recording, inputs, output, own, ~first if unseen is None else unseen[output])
+        found = baseline([data])
+        unit = recording.signals[output].unit
+        pairs = [_pair(data, k, name, recording.signals[name].unit, found, said) for k, name in enumerate(inputs)]
+        said.append(_explains(output, unit, found))
+        fit = found.chosen
+        made.append(
+            {
+                "output": output, "unit": unit, "t": (recording.t[0] + data.period * np.arange(len(data.y))).tolist(),
+                "measured": data.y.tolist(), "simulated": fit.simulated[0].tolist(),
+                "part": np.where(data.fitted, "fit", np.where(data.unseen, "validation", "")).tolist(), "order": fit.order,
+                "dead_times": dict(zip(inputs, fit.dead_times(), strict=True)), "rmse": found.rmse, "share": found.share,
+                "poles": [[float(p.real), float(p.imag)] for p in fit.poles],
+                "orders": [
+                    {"order": f.order, "bic": b, "rmse": float(np.sqrt(f.cost / data.fitted.sum())), "arx_rmse": f.arx_rmse}
+                    for f, b in zip(found.fits, found.bic, strict=True)
+                ],
+                "pairs": pairs,
+            }
+        )  # fmt: skip
+    return {"recording": recording.name, "verdict": said, "outputs": made}
+
+
+def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said: list[dict[str, Any]]) -> dict[str, Any]:
+    delay, fit = reaction_delay(data, k), found.chosen
+    count = int(min(MOST_STEP, max(20, len(data.y) // 4)))
+    settled = _settles(found, count)
+    middle, half = step_band([data], fit, k, settled)
+    row: dict[str, Any] = {
+        "input": name, "unit": unit, "delay": delay.value, "lags": delay.lags.tolist(), "correlation": delay.correlation.tolist(),
+        "bound": delay.bound, "step_t": (data.period * np.arange(settled)).tolist(), "step": middle.tolist(), "step_half": half.tolist(),
+    }  # fmt: skip
+    moves = np.ptp(data.inputs[:, k]) > 0
+    if not moves:
+        said.append(_said("warning", f"Input {name} never moves: nothing can be said of what {data.output} answers to it."))
+    elif delay.value is None:
+        said.append(_said("info", f"No reaction of {data.output} to {name} stands out of chance in the cross-correlation."))
+    else:
+        when = f"after {delay.value:.3g} s" if delay.value > 0 else "within a sample"
+        text = f"{data.output} reacts to {name} {when} (first lag of the cross-correlation beyond chance, {name} made white)."
+        said.append(_said("info", text, delay=delay.value))
+    try:
+        h = frequency_response(data)[k]
+    except RecordingError as error:
+        said.append(_said("warning", str(error)))
+        return row | {key: [] for key in ("f", "gain", "phase", "radius", "coherence", "model_gain", "model_phase")}
+    model = fit.response(k, h.f)
+    seen = np.isfinite(h.response) & (h.coherence > 0.5)
+    if moves and seen.any():
+        text = f"Coherence of {data.output} with the inputs is above 0.5 from {h.f[seen].min():.3g} to {h.f[seen].max():.3g} Hz"
+        share = np.mean(seen[(h.f >= h.f[seen].min()) & (h.f <= h.f[seen].max())])
+        said.append(_said("info", text + (", with gaps." if share < 0.9 else ".")))
+    elif moves:
+        said.append(_said("warning", f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer."))
+    return row | {
+        "f": h.f.tolist(), "gain": np.abs(h.response).tolist(), "phase": np.degrees(np.unwrap(np.angle(h.response))).tolist(),
+        "radius": h.radius.tolist(), "coherence": h.coherence.tolist(), "model_gain": np.abs(model).tolist(),
+        "model_phase": np.degrees(np.unwrap(np.angle(model))).tolist(),
+    }  # fmt: skip
+
+
+def _settles(found: Baseline, most: int) -> int:
+    """Samples over which the step response of the chosen model is worth showing."""
+    slowest = float(np.max(np.abs(found.chosen.poles), initial=0.0))
+    memory = 5.0 / -np.log(slowest) if 0 < slowest < 1 else most if slowest >= 1 else 5.0
+    return int(np.clip(memory + 2 + max(found.chosen.shifts), 10, most))
+
+
+def _explains(output: str, unit: str | None, found: Baseline) -> dict[str, Any]:
+    part = "unseen" if np.isfinite(found.share["unseen"]) else "fit"
+    share, rmse = found.share[part], found.rmse[part]
+    tail = f" {unit}" if unit not in (None, "", "1") else ""
+    what = f"the {'unseen' if part == 'unseen' else 'fitted'} {output}"
+    if share <= 0:
+        text = f"{found.sentence} explains nothing of {what}: its RMSE, {rmse:.3g}{tail}, is no less than {output} spreads."
+        return _said("warning", text, rmse=rmse, share=share)
+    text = f"{found.sentence} explains {100 * share:.1f} % of {what}: RMSE {rmse:.3g}{tail}, simulated from the inputs alone."
+    return _said("good" if share > 0.9 else "info", text, rmse=rmse, share=share)
+
+
+def _said(level: str, sentence: str, **figures: float) -> dict[str, Any]:
+    return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}

@@ -1,0 +1,103 @@
+"""First looks at recordings of known transfer functions: delay, frequency response, the best linear model, and what cannot be looked at."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from plantfit.errors import RecordingError
+from plantfit.first_look import baseline, data_of, frequency_response, look, reaction_delay
+from plantfit.recording.record import Recording, Signal
+
+H, NOISE = 0.1, 0.1
+POLE = np.exp(H * (-0.8 + 4j))
+DENOMINATOR = np.real(np.poly([POLE, POLE.conjugate()]))
+LAG = np.exp(-H / 0.6)
+PLANTS = {
+    "first order": ([1 - LAG], [1, -LAG], 0),
+    "dead time": ([1 - LAG], [1, -LAG], 4),
+    "resonance": ([sum(DENOMINATOR) / 2] * 2, DENOMINATOR, 0),
+}
+
+
+def recorded(plant, seed, n=600, y=None):
+    top, bottom, late = PLANTS[plant]
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], size=n // 10 + 1), 10)[:n]
+    answer = lfilter(np.r_[np.zeros(1 + late), top], bottom, u) if y is None else y(u)
+    return Recording(H * np.arange(n), {"u": Signal(u, "V"), "y": Signal(3 + answer + NOISE * rng.normal(size=n), "K")}, "r")
+
+
+def halves(recording):
+    first = np.arange(len(recording)) < 0.6 * len(recording)
+    return data_of(recording, ["u"], "y", first, ~first)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_delay_is_right_within_a_sample(plant):
+    for seed in range(20):
+        found = reaction_delay(halves(recorded(plant, seed)), 0)
+        assert found.value == pytest.approx(H * PLANTS[plant][2], abs=H + 1e-9)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_best_linear_model_comes_to_the_noise_on_unseen_samples(plant):
+    for seed in range(2):
+        found = baseline([halves(recorded(plant, seed))])
+        assert found.rmse["unseen"] == pytest.approx(NOISE, rel=0.15)
+        assert found.chosen.order >= (2 if plant == "resonance" else 1)
+        assert found.chosen.step(0, 400)[-1] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_disc_of_the_frequency_response_holds_the_truth_as_often_as_stated(plant):
+    top, bottom, late = PLANTS[plant]
+    held = []
+    for seed in range(30):
+        found = frequency_response(data_of(recorded(plant, seed, n=4000), ["u"], "y"))[0]
+        q = np.exp(-2j * np.pi * found.f * H)
+        true = np.polyval(np.r_[np.zeros(1 + late), top][::-1], q) / np.polyval(np.array(bottom)[::-1], q)
+        held.append(np.mean(np.abs(found.response - true) <= found.radius))
+    assert 0.93 <= np.mean(held) <= 0.97
+
+
+def test_a_delay_where_none_reacts_is_none():
+    none = [reaction_delay(halves(recorded("first order", seed, y=np.zeros_like)), 0).value for seed in range(30)]
+    assert sum(v is not None for v in none) <= 2  # 1 % by design
+
+
+def test_a_linear_model_cannot_follow_a_plant_that_is_not():
+    found = baseline([halves(recorded("first order", 1, y=lambda u: np.abs(lfilter([1 - LAG], [1, -LAG], u))))])
+    assert found.rmse["unseen"] > 2 * NOISE
+
+
+def test_the_sentences_have_figures_and_units():
+    said = [v["sentence"] for v in look(recorded("dead time", 0), ["u"], ["y"])["verdict"]]
+    assert said[0].startswith("y reacts to u after 0.4 s")
+    assert "of the unseen y: RMSE 0." in said[-1]
+    assert " K, simulated from the inputs alone." in said[-1]
+
+
+def changed(**signals):
+    good = recorded("first order", 0)
+    return Recording(good.t, {**good.signals, **{n: Signal(v, "V") for n, v in signals.items()}}, "r")
+
+
+@pytest.mark.parametrize(
+    ("recording", "words"),
+    [
+        (changed(u=np.ones(600)), "input u never moves"),
+        (changed(y=np.ones(600)), "output y is 1 throughout"),
+        (changed(y=np.full(600, np.nan)), "output y is measured at 0 samples"),
+        (changed(u=np.where(np.arange(600) < 200, np.nan, 1.0)), "input u is missing in 33 %"),
+        (Recording(np.zeros(1), {"u": Signal(np.ones(1)), "y": Signal(np.ones(1))}, "r"), "has 1 sample, and a first look needs 30"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_told_in_one_sentence(recording, words):
+    with pytest.raises(RecordingError, match=words):
+        data_of(recording, ["u"], "y")
+
+
+def test_some_missing_samples_do_not_matter():
+    y = recorded("first order", 0)["y"].copy()
+    y[50:60] = np.nan
+    assert baseline([halves(changed(y=y))]).rmse["unseen"] == pytest.approx(NOISE, rel=0.2)

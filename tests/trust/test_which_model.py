@@ -1,0 +1,144 @@
+"""Which of several models: statements on data whose truth is known, counted over many seeds, and true and false cases of each sentence.
+
+Models are fitted here by their closed forms, so that hundreds of records cost nothing; `tests/face/test_compare_models.py` fits real ones.
+"""
+
+import numpy as np
+import pytest
+
+from plantfit.trust.which_model.candidates import Candidate
+from plantfit.trust.which_model.common_data import Series
+from plantfit.trust.which_model.comparison import compared
+from plantfit.trust.which_model.paired_losses import paired_difference
+
+N = 1000
+T = np.arange(float(N))
+
+
+def noise(rng, memory, n=N):
+    e = rng.normal(size=n + 200)
+    for k in range(1, n + 200):
+        e[k] = memory * e[k - 1] + np.sqrt(1 - memory**2) * e[k]
+    return e[200:]
+
+
+def inputs(rng):
+    return np.repeat(rng.normal(size=N // 10), 10)
+
+
+def regressed(name, columns, y, fitted, simulated_free=None):
+    """A candidate that is linear in its parameters."""
+    a = np.column_stack(columns)
+    x = np.linalg.lstsq(a[fitted], y[fitted], rcond=None)[0]
+    return Candidate(name, a.shape[1], float(a.shape[1]), (a @ x,))
+
+
+def record(y, fitted, *candidates, unit="V"):
+    series = (Series("r", "y", unit, T, y, fitted, ~fitted),)
+    return compared(series, candidates, {"y": 1.0})
+
+
+def trial(seed, truth, memory=0.0):
+    """Data of `truth` among a line and a line with a bend; candidates "line" and "bend", nested, and "wave", which is not."""
+    rng = np.random.default_rng(seed)
+    u, fitted = inputs(rng), T < 0.6 * N
+    shapes = {"line": 2 * u, "bend": 2 * u + 0.4 * u**2, "wave": 2 * np.sin(1.5 * u)}
+    y = shapes[truth] + 0.3 * noise(rng, memory)
+    one = np.ones(N)
+    return record(
+        y, fitted, regressed("line", [one, u], y, fitted), regressed("bend", [one, u, u**2], y, fitted),
+        regressed("wave", [one, np.sin(1.5 * u)], y, fitted),
+    )  # fmt: skip
+
+
+def told(found, better, worse):
+    return any(p["told"] and (p["better"], p["worse"]) == (better, worse) for p in found["pairs"])
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6])
+def test_the_bigger_of_nested_models_is_not_called_better_where_the_simpler_is_true(memory):
+    wrong = sum(told(trial(seed, "line", memory), "bend", "line") for seed in range(200))
+    assert wrong <= 8, f"{wrong} of 200"  # 2.5 % of the 95 % by design, shared by three pairs
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6])
+def test_the_true_model_wins_over_a_wrong_one_nested_or_not(memory):
+    found = [trial(seed, "bend", memory) for seed in range(60)]
+    assert sum(told(f, "bend", "line") for f in found) >= 57
+    assert sum(told(f, "bend", "wave") for f in found) >= 57
+    assert not any(told(f, other, "bend") for f in found for other in ("line", "wave"))
+    waves = [trial(seed, "wave", memory) for seed in range(60)]
+    assert sum(told(f, "wave", "line") for f in waves) >= 57
+    assert not any(told(f, other, "wave") for f in waves for other in ("line", "bend"))
+
+
+def test_one_model_written_twice_is_not_told_apart():
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        u, fitted = inputs(rng), T < 0.6 * N
+        y = 2 * u + 0.3 * rng.normal(size=N)
+        one = np.ones(N)
+        a, b = regressed("a", [one, u], y, fitted), regressed("b", [one + u, one - 2 * u], y, fitted)
+        b = Candidate("b", 2, 2.0, (b.simulated[0] * (1 + 1e-5),))  # as exact as simulations are
+        found = record(y, fitted, a, b)
+        assert not told(found, "a", "b")
+        assert not told(found, "b", "a")
+        assert found["verdict"][0]["sentence"].startswith("The data do not tell")
+        assert "predict alike" in found["verdict"][0]["sentence"]
+
+
+@pytest.mark.parametrize(("memory", "n"), [(0.0, 500), (0.7, 1000), (0.95, 3000)])
+def test_models_that_are_equally_wrong_are_told_apart_about_as_often_as_stated(memory, n):
+    t, false = np.arange(n), 0
+    for seed in range(300):
+        e = noise(np.random.default_rng(seed), memory, n)
+        off = 0.3 * np.sin(2 * np.pi * t / 97) + 0.3 * np.sign(np.sin(2 * np.pi * t / 61))
+        false += paired_difference([e + off], [e - off]).told
+    assert false <= 30, f"{false} of 300"  # 5 % by design
+
+
+def test_the_interval_holds_the_difference_of_many_records():
+    n, hits = 800, 0
+    expected = np.sqrt(1.0 + 0.5) - 1.0  # of unit noise, and of a model that is off by a wave of mean square 0.5
+    for seed in range(300):
+        e = np.random.default_rng(seed).normal(size=n)
+        d = paired_difference([e], [e + np.sin(2 * np.pi * np.arange(n) / 40)])
+        hits += abs(d.value - expected) <= d.half_width
+    assert 270 <= hits <= 297, f"{hits} of 300"
+
+
+def test_a_model_that_drifts_away_is_judged_over_the_noise():
+    e = np.random.default_rng(0).normal(size=200)
+    d = paired_difference([e], [e + 0.2 * np.arange(200)])
+    assert d.told
+    assert d.over == "noise"
+    assert not paired_difference([np.full(3, 1.0)], [np.full(3, 2.0)]).told  # three samples tell nothing
+
+
+def test_a_simulation_that_is_not_finite_loses_and_is_said_to():
+    y, fitted = np.random.default_rng(0).normal(size=N), T < 0.6 * N
+    good = Candidate("good", 1, 1.0, (np.zeros(N),))
+    lost = Candidate("lost", 2, 2.0, (np.where(T > 900, np.nan, 0.0),))
+    found = record(y, fitted, good, lost)
+    assert told(found, "good", "lost")
+    assert "cannot be simulated there" in found["verdict"][0]["sentence"]
+
+
+def test_the_sentence_gives_both_errors_and_the_difference_with_its_unit():
+    found = trial(3, "bend")
+    sentence = found["verdict"][0]["sentence"]
+    assert sentence.startswith("bend predicts unseen data best: RMSE 0.")
+    assert " V (line, by 0." in sentence
+    assert "±" in sentence
+    assert found["verdict"][1]["sentence"].startswith("AICc and BIC choose bend")
+
+
+def test_a_linear_model_that_does_better_is_a_warning_and_one_that_does_not_is_none():
+    rng = np.random.default_rng(1)
+    fitted, y = T < 0.6 * N, rng.normal(size=N)
+    near, far = np.zeros(N), np.sin(T / 5.0)
+    for own, other, level in ((near, far, "good"), (far, near, "warning"), (near, near, "info")):
+        linear = Candidate("linear", 3, 3.0, (other,), None, "linear", None, "A linear model of order 1")
+        found = record(y, fitted, Candidate("mine", 1, 1.0, (own,)), linear)
+        assert found["verdict"][-1]["level"] == level
+        assert found["verdict"][-1]["sentence"].startswith("A linear model of order 1")
