@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.report.case_page import write_case_page
-from plantfit.report.figures.loops import loop_figure, nyquist_figure, sensitivity_figure
+from plantfit.report.figures.control.loops import loop_figure, nyquist_figure, sensitivity_figure
 
 Record = Mapping[str, Any]
 COLUMNS = (

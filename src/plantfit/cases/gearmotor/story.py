@@ -14,7 +14,7 @@ from plantfit.fitting import Answer
 from plantfit.recording import Recording
 from plantfit.report.controller_page import COLUMNS, named, table_rows
 from plantfit.report.figures import style
-from plantfit.report.figures.loops import loop_figure
+from plantfit.report.figures.control.loops import loop_figure
 from plantfit.report.figures.missing import share_figure
 from plantfit.report.figures.style import Figure
 from plantfit.report.schema import Round

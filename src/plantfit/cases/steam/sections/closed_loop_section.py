@@ -9,7 +9,7 @@ from plantfit.cases.steam.closed_loop import PROFILE, Bench, Chosen, Plants, cho
 from plantfit.cases.steam.whole_plant import plants_of, true_plant
 from plantfit.control import Demand, StepScores, profile_scores
 from plantfit.problem.problem import Problem
-from plantfit.report.figures.response_family import Panel, response_figure
+from plantfit.report.figures.control.response_family import Panel, response_figure
 from plantfit.report.numbers import significant
 from plantfit.trust.identify.open_answers import open_answers
 

@@ -1,0 +1,1 @@
+"""Figures of closed loops and families of plants."""
