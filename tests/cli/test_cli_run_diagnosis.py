@@ -97,7 +97,7 @@ def test_a_diagnosis_can_be_turned_off_stopped_and_made_later_with_the_same_bits
     assert "What may be missing" in (tmp_path / "first.html").read_text()
 
     monkeypatch.setattr(phase, "diagnose", real)
-    later = [json.loads(call(capsys, monkeypatch, "report", number, "--json").out) for number in (1, 2)]
+    later = [json.loads(call(capsys, monkeypatch, "report", number, "--json").out) for number in ("1", "2")]
     for one in later:  # searched by two workers, and by one that was stopped afterwards
         assert {p["name"]: p["value"] for p in one["parameters"]} == {p["name"]: p["value"] for p in off["parameters"]}
         assert named(one)

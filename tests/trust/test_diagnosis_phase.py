@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
@@ -76,7 +77,8 @@ def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_t
     assert asked_for(late.findings)
     assert asked_for(white)  # not at the noise
     assert not asked_for({**white, "recordings": quiet})
-    steady = Recording(range(40), {"u": Signal([0.1 * k for k in range(40)]), "y": Signal([0.01 * k**2 for k in range(40)])}, "a")
+    k = np.arange(40.0)
+    steady = Recording(k, {"u": Signal(0.1 * k), "y": Signal(0.01 * k**2)}, "a")
     model = equations("y = a*u", inputs=["u"], outputs=["y"], parameters={"a": {"bounds": (0, 20)}})
     answer = fit(Problem(model, steady), budget=200)
     assert asked_for(answer.findings)
