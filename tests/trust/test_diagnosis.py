@@ -14,6 +14,8 @@ from benchmarks.diagnosis import PLANTS, write
 
 from plantfit.errors import ModelError
 from plantfit.fitting import fit
+from plantfit.models import equations
+from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.spec import load, with_additions
 from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record, effects
@@ -139,3 +141,25 @@ def test_effects_on_signals_are_their_closed_forms():
     assert np.allclose(effects.behind(uneven, uneven[:, None], 0.5)[:, 0], uneven - 0.5 + 0.5 * np.exp(-uneven / 0.5))
     assert np.allclose(effects.played(np.array([0.0, 1.0, 2.0, 1.5, 0.0]), 0.6), [0.0, 0.4, 1.4, 1.4, 0.6])
     assert np.allclose(effects.dead_zone(np.array([-2.0, 0.3, 1.0]), 0.5), [-1.5, 0.0, 0.5])
+
+
+def test_a_cause_that_the_catalogue_lacks_is_not_called_very_likely(tmp_path):
+    """A tank that empties by the root of its level, fitted as a linear one: a dead zone of the inflow explains much, and is false."""
+    draw = np.random.default_rng(5)
+    period, n, level, levels = 0.5, 1200, 1.0, []
+    inflow = np.repeat(draw.uniform(0.5, 3.0, n // 40), 40)
+    for k in range(n):
+        levels.append(level)
+        for _ in range(20):
+            level += period / 20 * (inflow[k] - 1.3 * np.sqrt(max(level, 0.0))) / 2.0
+    measured = np.array(levels) + draw.normal(0.0, 0.02, n)
+    record = Recording(np.arange(n) * period, {"q": Signal(inflow, "L/s"), "h": Signal(measured, "dm")}, "a")
+    model = equations(
+        "x' = a*q - b*x; h = x", inputs={"q": "L/s"}, states={"x": {"unit": "dm", "initial": "h"}}, outputs={"h": "dm"},
+        parameters={"a": {"bounds": (0.001, 100.0), "unit": "dm/L"}, "b": {"bounds": (0.001, 10.0), "unit": "1/s"}},
+    )  # fmt: skip
+    answer = fit(Problem(model, record, split=0.6), budget=1000)
+    said = " ".join(v["sentence"] for v in diagnosis_record(diagnose(answer.problem, answer.best.x))["verdict"])
+    assert "something else is missing" in said
+    assert "or it stands for something that is not among the additions" in said
+    assert "very likely" not in said

@@ -93,13 +93,14 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
-    likely = "very likely" if sure and one.whole else "likely" if one.whole else "possibly"
+    much = bool(_much_left(d))  # a cause that the catalogue does not have may look like one that it has
+    likely = "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
     left = "what is left" if k == 0 else "what is then left"
     text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if one.untried:
         text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
     elif len(one.found) == 1:
-        text += f": {likely} missing."
+        text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
     else:
         others = ", ".join(f"{_phrase(t)} ({_percent(t.explained)})" for t in one.found[1:])
         text += f", and {others} explains it as well: one of them is {likely} missing, and this record cannot tell which."
@@ -133,7 +134,18 @@ def _best(one: Round) -> float:
 
 def _left(d: Diagnosis) -> Iterator[Sentence]:
     """Whether more than noise is left after all that was found."""
-    carrier, rows = d.carrier, d.carrier.rows
+    for output, times in _much_left(d).items():
+        yield say(
+            "warning",
+            f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
+            "doubt: something else is missing, or the record is too short to tell.",
+            times=times,
+        )
+
+
+def _much_left(d: Diagnosis) -> dict[str, float]:
+    """By output how many times its noise is left after all that was found, where that is `MUCH`."""
+    carrier, rows, found = d.carrier, d.carrier.rows, {}
     end = d.found[-1].at if d.found else None
     for output in carrier.given.outputs:
         noise, size = [], []
@@ -145,14 +157,10 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
             if len(r) > 10:
                 noise.append(white_part(np.where(d.apart[at], np.nan, r)))
                 size.append(float(np.sqrt(np.nanmean(np.where(d.apart[at], np.nan, r) ** 2))))
-        if noise and np.nanmax(np.array(size) / np.maximum(noise, 1e-300)) > MUCH:
-            times = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300)))
-            yield say(
-                "warning",
-                f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
-                "doubt: something else is missing, or the record is too short to tell.",
-                times=times,
-            )
+        times = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0
+        if times > MUCH:
+            found[output] = times
+    return found
 
 
 def _shown(t: Trial) -> str:
