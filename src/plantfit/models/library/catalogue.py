@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from plantfit.errors import ModelError
 from plantfit.listing import Listed, Option
@@ -45,7 +45,7 @@ def factory(name: str) -> Factory:
     function = brought[name].load(ModelError)
     if not callable(function):
         raise ModelError(f"{name!r} of the package {brought[name].package} is no function that makes a model; see docs/plug-ins.md.")
-    return function
+    return cast(Factory, function)
 
 
 def models() -> dict[str, Factory]:
