@@ -61,7 +61,7 @@ def test_findings_are_plain_json_and_complete():
     assert set(parsed) == {
         "name", "verdict", "recordings", "scores", "residual_tests", "parameters", "tables", "combinations", "runs", "basins", "simulation",
         "reproduction", "smoothing", "uncertainty", "agreement", "weights",
-        "standard_errors", "determined",
+        "standard_errors", "determined", "data", "diagnosis",
     }  # fmt: skip
     assert not parsed["combinations"]
     assert all(v["sentence"].rstrip().endswith(".") and v["level"] in {"good", "warning", "bad", "info"} for v in parsed["verdict"])

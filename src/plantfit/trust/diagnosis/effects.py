@@ -1,7 +1,7 @@
 """What additions do to a recorded input, or to a simulated output with its derivatives: plain arrays over the samples of a recording."""
 
 import numpy as np
-import scipy  # its room for signals is slow to import, and few additions need it
+from scipy.linalg import solve_banded
 
 
 def late(t: np.ndarray, u: np.ndarray, delay: float, held: bool) -> np.ndarray:
@@ -38,14 +38,9 @@ def behind(t: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
 
 
 def _recursion(decay: np.ndarray, gain: np.ndarray, first: float) -> np.ndarray:
-    """x[k + 1] = decay[k] x[k] + gain[k]."""
-    if len(decay) and np.ptp(decay) <= 1e-9:
-        return np.r_[first, scipy.signal.lfilter([1.0], [1.0, -decay[0]], gain, zi=[decay[0] * first])[0]]
-    x = np.empty(len(decay) + 1)
-    x[0] = first
-    for k, (a, b) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):
-        x[k + 1] = a * x[k] + b
-    return x
+    """x[k + 1] = decay[k] x[k] + gain[k], decay in [0, 1]: forward substitution in a matrix of two bands."""
+    bands = np.stack([np.ones(len(decay) + 1), np.r_[-decay, 0.0]])
+    return solve_banded((1, 0), bands, np.r_[first, gain])
 
 
 def dead_zone(u: np.ndarray, d: float) -> np.ndarray:
