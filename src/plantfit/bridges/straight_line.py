@@ -58,6 +58,10 @@ class Lines:
     assignments: tuple[tuple[str, str], ...]
     results: tuple[str, ...]
 
+    def text(self, indent: str, form: str = "{} = {}") -> str:
+        """The assignments, one a line."""
+        return "".join(f"{indent}{form.format(*pair)}\n" for pair in self.assignments)
+
 
 def straight_line(vector: VectorModel, what: str, language: str, names: Sequence[Sequence[str]]) -> Lines:
     """The rates or outputs (`what` "rate" or "output") of a model in a language of `LANGUAGES`.
