@@ -1,4 +1,4 @@
-"""Where plantfit keeps compiled code and other things that are quicker read than made."""
+"""Where plantfit keeps what is quicker read than made, and which files of the user it may replace."""
 
 import os
 import stat
@@ -16,6 +16,16 @@ def cache_folder() -> Path:
         return Path(own)
     place = os.environ.get("XDG_CACHE_HOME")
     return Path(place or os.path.expanduser("~/.cache")) / "plantfit"  # Path.home() raises where there is none
+
+
+def may_be_written(path: Path, start: bytes | None = None) -> bool:
+    """Whether no file is lost by writing `path`: there is none, or one that plantfit wrote (it says so, or begins with `start`)."""
+    if not path.exists():
+        return True
+    if not path.is_file():
+        return False
+    held = path.read_bytes()
+    return b"plantfit" in held or (start is not None and held.startswith(start))
 
 
 @cache

@@ -13,7 +13,7 @@ import pytest
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
-from plantfit.errors import ModelError, SimulationError
+from plantfit.errors import ModelError, SimulationError, StoreError
 
 HEATER = "x' = (K*delay(u, L) + T0 - x)/tau\nT = x"
 ARM = "w' = (gain*delay(u, L) - drag*w*abs(w) - rub*tanh(w/3))/inertia\na' = w\ny = w + 0.01*a\nz = exp(-abs(a)/50)*sin(a) + max(w, -1)"
@@ -185,6 +185,18 @@ def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
         export_plant(heater, "fmu", tmp_path)
     with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices are exported of single loops"):
         export_plant(arm, "control", tmp_path)
+
+
+def test_a_file_of_the_user_is_not_replaced(heater, tmp_path):
+    for to in TARGETS:
+        for files in (export_plant(heater, to, tmp_path / to), export_plant(heater, to, tmp_path / to)):
+            assert all(f.stat().st_size for f in files)
+        files[-1].write_text("mine")
+        first = files[0].read_bytes()
+        with pytest.raises(StoreError, match=f"{files[-1].name} is there and was not written by plantfit"):
+            export_plant(heater, to, tmp_path / to)
+        assert files[-1].read_text() == "mine"
+        assert len(files) == 1 or files[0].read_bytes() == first
 
 
 HOSTILE = ['"""\nimport os; os.abort()\n"""', "*/\nint main(void) { abort(); }\n/*", "'\nexit\n%", "a\\", "\u2028\r\nabort()", "{p}"]

@@ -12,6 +12,7 @@ from plantfit.bridges.plain_python import plain_python
 from plantfit.bridges.plant import Plant, plant_of
 from plantfit.bridges.python_control import python_control
 from plantfit.errors import ModelError, StoreError
+from plantfit.folders import may_be_written
 
 _MAKERS: dict[str, Callable[[Plant], dict[str, str | bytes]]] = {
     "python": plain_python, "c": c_code, "casadi": casadi_functions, "control": python_control, "matlab": matlab_files, "csv": csv_tables,
@@ -22,19 +23,20 @@ TARGETS = tuple(_MAKERS)
 def export_plant(answer: Answer, to: str, folder: str | Path = ".", name: str | None = None, recording: str | None = None) -> list[Path]:
     """Write the plant for `to`, one of `TARGETS`, into `folder` and return the files (docs/tuning-controllers.md).
 
-    Raises ModelError for a model that the target cannot hold, StoreError where a file cannot be written.
+    A file that is there is replaced only where plantfit wrote it. Raises ModelError for a model that the target cannot hold, StoreError
+    where a file cannot be written.
     """
     if to not in TARGETS:
         raise ModelError(f"There is no target {to!r} to export to; there are {', '.join(TARGETS)}.")
     files = _MAKERS[to](plant_of(answer, name, recording))
-    folder = Path(folder)
-    written = []
+    contents = {Path(folder) / file: content if isinstance(content, bytes) else content.encode() for file, content in files.items()}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for file, content in files.items():
-            place = folder / file
-            place.write_bytes(content if isinstance(content, bytes) else content.encode())
-            written.append(place)
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        for place, content in contents.items():
+            if not may_be_written(place, content.partition(b"\n")[0]):
+                raise StoreError(f"{place} is there and was not written by plantfit; move it, or choose another folder with --out.")
+        for place, content in contents.items():
+            place.write_bytes(content)
     except OSError as error:
         raise StoreError(f"{folder} cannot be written: {error.strerror or error}; choose another folder with --out.") from None
-    return written
+    return list(contents)

@@ -15,6 +15,7 @@ def matlab_files(plant: Plant) -> dict[str, str | bytes]:
     m, buffer = matrices(plant), io.BytesIO()
     p = {k: float(v) for k, v in plant.p.items() if not np.ndim(v) and re.fullmatch(r"[A-Za-z]\w{0,30}", k)}
     data = {
+        "made_by": "plantfit",
         "A": m["A"],
         "C": m["C"],
         "u0": m["u0"],

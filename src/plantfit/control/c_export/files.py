@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plantfit.errors import SimulationError
+from plantfit.folders import may_be_written
 
 TAKEN = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return short
@@ -27,6 +28,7 @@ class CFiles(NamedTuple):
 
 
 _HEADER = Template("""/* ${told}
+ * Made by plantfit.
  */
 #ifndef ${UPPER}_H
 #define ${UPPER}_H
@@ -47,11 +49,14 @@ ${declared}
 def write_c(folder: str | os.PathLike[str], name: str, told: Iterable[str], declared: str, defined: str, includes: str = "") -> CFiles:
     """Write NAME.h, which begins with the lines `told` as a comment and holds `declared`, and NAME.c with `defined`.
 
-    Raises SimulationError where they cannot be written.
+    Files that are there are replaced only where plantfit wrote them. Raises SimulationError where they cannot be written.
     """
     comment = "\n * ".join(" ".join(line.split()).replace("*/", "* /").replace("/*", "/ *") for line in told)
     header = _HEADER.substitute(UPPER=name.upper(), told=comment, includes=includes, declared=declared)
     files = CFiles(Path(folder) / f"{name}.h", Path(folder) / f"{name}.c")
+    foreign = next((f for f in files if not may_be_written(f)), None)
+    if foreign is not None:
+        raise SimulationError(f"{str(foreign)!r} is there and was not written by plantfit; move it, or choose another folder or name.")
     try:
         files.header.write_text(header, "utf-8")
         files.source.write_text(f'/* See {name}.h. Made by plantfit. */\n#include "{name}.h"\n\n{defined}', "utf-8")

@@ -72,14 +72,17 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
 
 
 def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: Path) -> list[Path]:
-    """Page, JSON and C files of a controller."""
+    """Page, JSON and C files of a controller. Raises StoreError where a file of the user would be replaced."""
     from plantfit.cli.terminal.out import plain
+    from plantfit.folders import may_be_written
     from plantfit.report.controller_page import write_controller_page
 
+    data = page.with_suffix(".json")
+    if not may_be_written(data):
+        raise StoreError(f"{data} is there and was not written by plantfit; move it, or name another page with --out.")
     folder.mkdir(parents=True, exist_ok=True)
     c = found.to_c(folder)
-    data = page.with_suffix(".json")
-    data.write_text(json.dumps(plain(dict(record)), indent=1, allow_nan=False) + "\n", "utf-8")
+    data.write_text(json.dumps({"made_by": "plantfit", **plain(dict(record))}, indent=1, allow_nan=False) + "\n", "utf-8")
     return [write_controller_page(record, found.curves, page), data, c.source, c.header]
 
 
