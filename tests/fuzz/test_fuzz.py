@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzz_cli import judged
-from fuzz_inputs import LAYERS, WORDS, drawn, mutated
+from fuzz_inputs import LAYERS, SHAPED, WORDS, drawn, mutated
 
 from fuzz import Hang, fed, fuzz, limited, main
 from plantfit.errors import BoardError, EquationError, RecordingError, StoreError
@@ -49,6 +49,14 @@ def test_many_matlab_files():
     assert not fuzz(1, 300, layers=("mat",))[1]
 
 
+@pytest.mark.parametrize("layer", SHAPED)
+def test_inputs_come_past_the_parser(layer, tmp_path):
+    """Else the rooms behind it are not tried: of files that are whole and wrong inside some are read and some refused."""
+    inputs = [SHAPED[layer](np.random.default_rng([3, n])) for n in range(40)]
+    assert inputs[:5] == [SHAPED[layer](np.random.default_rng([3, n])) for n in range(5)]
+    assert {fed(layer, content, tmp_path)[0] for content in inputs} == {"read", "refused"}
+
+
 def test_inputs_are_a_function_of_the_seed():
     assert drawn("toml", 1, 2) == drawn("toml", 1, 2)
     assert len({drawn("toml", 1, n) for n in range(50)}) > 45
@@ -59,7 +67,8 @@ def test_inputs_are_a_function_of_the_seed():
 def test_the_fuzzer_finds(tmp_path, monkeypatch, capsys):
     """A reader that fails, says too much, or does not end, is a find."""
     monkeypatch.chdir(tmp_path)
-    for error in (KeyError("x"), RecordingError(""), EquationError("Traceback (most recent call last)")):
+    code = RecordingError("x.csv: 'int' object is not iterable; correct it.")
+    for error in (KeyError("x"), RecordingError(""), EquationError("Traceback (most recent call last)"), code):
 
         def fail(path, error=error):
             raise error

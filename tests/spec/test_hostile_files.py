@@ -73,6 +73,22 @@ def test_one_sentence_each(old, new, tmp_path):
     said(TEXT.replace(old, new), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [
+        ('{ step = "cut", start = "x" }', "a value is of the wrong kind"),
+        ('{ step = "lowpass", cutoff = 1.0 }', "missing a required argument: 'signal'"),
+        ('{ step = "lowpass", signal = "u", cutof = 1.0 }', "cutof"),
+        ('{ step = "resample" }', "missing a required argument: 'period'"),
+    ],
+)
+def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
+    """Not "ufunc 'greater_equal' did not contain a loop", nor that `lowpass` lacks a name, which study files call signal."""
+    sentence = said(TEXT.replace('file = "x.csv"', f'file = "x.csv"\nclean = [{step}]'), tmp_path)
+    assert told in sentence
+    assert "recording.a.clean[0]" in sentence
+
+
 def test_the_text_itself_is_good(tmp_path):
     (tmp_path / "x.csv").write_text("time,u,y\n" + "".join(f"{k},{k % 3},{k % 3}\n" for k in range(30)))
     assert parse(TEXT, tmp_path / "s.toml").name == "x"

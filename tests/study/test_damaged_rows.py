@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 
+import polars as pl
 import pytest
 from study_fakes import FakeSearch, objective
 
@@ -73,6 +74,47 @@ def test_half_characters_in_an_export(place, tmp_path):
     (tmp_path / "x.json").write_text("\ufeff" + whole)
     assert read_study(tmp_path / "x.json").study.name == "\U0001f600"
     assert json.loads(whole)
+
+
+def test_half_characters_in_the_metadata_of_parquet(place, tmp_path):
+    """export 12 of seed 7, as mutated by what it holds: UnicodeEncodeError from the database."""
+    Store.open(place).export_parquet(1, tmp_path / "x.parquet")
+    frame = pl.read_parquet(tmp_path / "x.parquet")
+    text = pl.read_parquet_metadata(tmp_path / "x.parquet")["plantfit"]
+    frame.write_parquet(tmp_path / "x.parquet", metadata={"plantfit": text.replace("gearmotor", "\\ud800")})
+    with pytest.raises(StoreError, match="not Unicode"):
+        Store.open(tmp_path / "into.db").import_file(tmp_path / "x.parquet")
+    frame.write_parquet(tmp_path / "x.parquet", metadata={"plantfit": "[" * 100_000})
+    with pytest.raises(StoreError, match="broken metadata"):
+        read_study(tmp_path / "x.parquet")
+
+
+def test_a_schema_that_is_no_text(place):
+    """store 467 of seed 101: sqlite3 cannot decode its own message about a broken schema."""
+    whole = place.read_bytes()
+    spoiled = whole.replace(b"CREATE TABLE study", b"CREATE TABL\xf6 study")
+    assert spoiled != whole
+    place.write_bytes(spoiled)
+    with pytest.raises(StoreError, match=r"s\.db is damaged; restore it from a copy"):
+        Store.open(place)
+
+
+@pytest.mark.parametrize(
+    ("bend", "told"),
+    [
+        (lambda r: r["runs"][0].update(x=[[1.0], 2.0, 3.0]), r"runs\[0\]: a value is of the wrong kind"),
+        (lambda r: r["runs"].insert(0, "x"), r"runs\[0\]: a value is of the wrong kind"),
+        (lambda r: r["study"].update(versions=7), "study: a value is of the wrong kind"),
+        (lambda r: r["tasks"][0].update(first="x"), r"tasks\[0\]: 'x' in place of a whole number"),
+    ],
+)
+def test_an_export_whose_values_are_of_another_kind_is_told_in_words(bend, told, place, tmp_path):
+    Store.open(place).export_json(1, tmp_path / "x.json")
+    record = json.loads((tmp_path / "x.json").read_text())
+    bend(record)
+    (tmp_path / "x.json").write_text(json.dumps(record))
+    with pytest.raises(StoreError, match=told):
+        read_study(tmp_path / "x.json")
 
 
 def test_a_store_where_nothing_can_be_written_can_be_read(place, monkeypatch):
