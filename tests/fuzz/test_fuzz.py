@@ -108,8 +108,9 @@ def test_what_the_fuzzer_of_the_cli_finds():
     sentence = "plantfit: x.csv is broken.\n"
     assert judged(5, sentence, 1.0, 2**20) is None
     assert judged(0, "", 1.0, 2**20) is None
+    assert judged(0, "", 60.0, 2**20) is None  # compiled what is good
     for found in ((-11, "", 1.0, 0), (70, sentence, 1.0, 0), (5, "Traceback", 1.0, 0), (5, "", 1.0, 0), (5, "x\n" * 30, 1.0, 0),
-                  (0, "", 20.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
+                  (5, sentence, 20.0, 0), (0, "", 100.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
         assert judged(*found), found
 
 

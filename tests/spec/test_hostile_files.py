@@ -58,6 +58,8 @@ def said(text, tmp_path):
         ('name = "x"', f'name = ["{"k" * 90_000}"]'),
         ("[0.0, 1.0]", "[0.0, 1.0]\n[search]\nmethods = [[]]"),
         ("[0.0, 1.0]", "[0.0, 1.0]\n[search.settings]\nauto = 7"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nmethods = ['pso']\nsettings = {{ pso = {{ population = {LONG} }} }}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nmethods = ['pso']\nsettings = {{ pso = {{ inertia = -{LONG} }} }}"),
         ("[0.0, 1.0]", "[0.0, 1.0]\nscale = []"),
         ('file = "x.csv"', 'file = "x.csv"\nclean = [7]'),
         ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = [1] }]'),
