@@ -100,12 +100,17 @@ def called(words: list[str], folder: Path) -> tuple[int, str, float, int]:
     return os.waitstatus_to_exitcode(status), said, spent.ru_utime + spent.ru_stime, spent.ru_maxrss * 1024
 
 
+OWN = "made.toml"  # the study file that a call writes, which cannot be what is wrong
+
+
 def judged(status: int, said: str, seconds: float, peak: int) -> str | None:
     """Why it is a find, or None."""
     if status == -signal.SIGXCPU or seconds > (SECONDS if status else ACCEPTED) + 0.5:
         return f"{seconds:.1f} s of CPU"
     if status < 0:
         return f"ended by signal {-status}: {said[-3000:]}"
+    if status and OWN in said.partition(" (")[0]:
+        return f"it refuses what it has written itself: {said}"
     if status == INSIDE or "Traceback" in said or "panicked" in said:
         return said
     if status == 1 or (status and not said.strip()) or said.count("\n") > LINES:

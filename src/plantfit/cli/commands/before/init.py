@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from plantfit.cli.terminal.out import out, print_json
-from plantfit.errors import RecordingError, SpecError
+from plantfit.errors import PlantfitError, RecordingError, SpecError
 
 TEMPLATE = """\
 # A study for plantfit, made by `plantfit init {file}`. Run it with:  plantfit run {spec}
@@ -150,7 +150,13 @@ def _checked(text: str, target: Path) -> None:
     """The file must read back and give a problem before it is written."""
     from plantfit import spec
 
-    spec.parse(text, target)
+    try:
+        spec.parse(text, target)
+    except PlantfitError as error:  # of a file that the user has not seen
+        raise RecordingError(
+            f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of its "
+            "columns, or write one by hand (docs/study-file.md)."
+        ) from error
 
 
 def _column(c) -> str:
