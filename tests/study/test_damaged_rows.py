@@ -63,6 +63,25 @@ def test_wrong_kinds_of_numbers_never_come_out(place):
         Store.open(place).runs(1)
 
 
+@pytest.mark.parametrize(
+    ("bend", "told"),
+    [
+        (lambda plan: plan.update(tau=[1]), "has the unknown 'tau'"),
+        (lambda plan: plan.pop("name"), "lacks 'name'"),
+        (lambda plan: plan.update(name=7), "has the name 7"),
+        (lambda plan: plan.update(settings={"pso": {"population": 10**400}}), "outside its range"),
+    ],
+)
+def test_a_stored_plan_with_other_keys(bend, told, place):
+    """store 883 of seed 1, 1396 and 1988 of seed 2: TypeError of Plan.__init__()."""
+    with sqlite3.connect(place) as connection:
+        plan = json.loads(connection.execute("SELECT plan FROM study").fetchone()[0])
+        bend(plan)
+        connection.execute("UPDATE study SET plan = ?", (json.dumps(plan),))
+    with pytest.raises(PlantfitError, match=told):
+        Store.open(place).plan(1)
+
+
 def test_half_characters_in_an_export(place, tmp_path):
     Store.open(place).export_json(1, tmp_path / "x.json")
     text = (tmp_path / "x.json").read_text()
