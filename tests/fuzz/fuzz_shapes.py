@@ -7,6 +7,7 @@ import re
 import sqlite3
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -356,7 +357,8 @@ def _like(held: Any, rng: Draw) -> Any:
     from fuzz_inputs import mutated  # pyright: ignore[reportMissingImports]
 
     if isinstance(held, str) and held[:1] in "[{" and held:
-        return json.dumps(bent(json.loads(held), rng))
+        with suppress(ValueError, RecursionError):  # what an earlier change left there
+            return json.dumps(bent(json.loads(held), rng))
     if isinstance(held, str):
         return mutated(held.encode(), rng).decode("utf-8", "replace")
     if isinstance(held, bytes):
