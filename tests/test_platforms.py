@@ -210,7 +210,7 @@ for module in [m for n, m in sys.modules.items() if n.startswith("plantfit.nativ
     if hasattr(module, "host"):
         module.host = p.host
 def step(c, x):
-    c = c + 0.01 * (jnp.sin(c) * x - jnp.exp(-c * c) + jnp.sqrt(1 + c * c))
+    c = c + 0.01 * (jnp.sin(c + x) - jnp.exp(-c * c) + jnp.sqrt(1 + c * c))
     return c, c
 x = jnp.asarray(np.random.default_rng(0).normal(size=(50, 7)))
 native = jax.jit(lambda: native_scan(step, jnp.zeros(7), x)[0])()
