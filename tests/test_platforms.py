@@ -374,7 +374,7 @@ def work():
     try:
         with i.stoppable("Stopping.", lambda: "late", cleans_up=True):
             print("computing", flush=True)
-            hashlib.pbkdf2_hmac("sha256", b"", b"", 3_000_000)  # both signals come while C code runs: Python sees one
+            hashlib.pbkdf2_hmac("sha256", b"", b"", 1_000_000)  # both signals come while C code runs: Python sees one
             while True:
                 time.sleep(0.01)
     except KeyboardInterrupt:

@@ -191,6 +191,10 @@ def test_dates_beyond_the_calendar_of_python_are_described(tmp_path):
     np.savez(tmp_path / "x.npz", t=np.arange(3.0), y=np.arange(3.0), z=far)
     first = describe(tmp_path / "x.npz").columns[2].first
     assert int(first[0]) < int(first[1]) == 0 < int(first[2])
+    np.savez(tmp_path / "x.npz", t=far, y=np.arange(3.0), z=np.arange(3.0))  # npz 133 of seed 6: InvalidOperationError
+    assert "dates before 1678 or after 2261" in str(describe(tmp_path / "x.npz").problem)
+    with pytest.raises(RecordingError, match="time column 't' holds dates before 1678"):
+        read(tmp_path / "x.npz")
     near = np.array([0, 1, 2], "datetime64[s]")
     np.savez(tmp_path / "x.npz", t=np.arange(3.0), y=np.arange(3.0), z=near)
     assert describe(tmp_path / "x.npz").columns[2].first[0] == "1970-01-01 00:00:00"

@@ -88,8 +88,9 @@ def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
 
 
 def _plain(cells: pl.Series) -> list[Any]:
-    """Cells as Python's; the numbers behind dates that are outside of its calendar."""
-    try:
-        return cells.to_list()
-    except (ValueError, OverflowError):
-        return cells.to_physical().to_list()
+    """Cells as Python's; the numbers behind dates that are outside of its calendar, at which some polars panic."""
+    if cells.dtype in (pl.Date, pl.Datetime):
+        years = cells.dt.year()
+        if not years.is_between(2, 9998).all():
+            return cells.to_physical().to_list()
+    return cells.to_list()

@@ -129,6 +129,11 @@ def _no_gaps(table: Table, column: Column, there: np.ndarray) -> None:
 def _from_temporal(table: Table, column: Column) -> np.ndarray:
     cells = column.cells
     _no_gaps(table, column, cells.is_not_null().to_numpy())
+    # 64 bits of nanoseconds reach no farther, and older polars do not say so
+    if cells.dtype in (pl.Date, pl.Datetime) and not cells.dt.year().is_between(1678, 2261).all():
+        raise RecordingError(
+            f"{table.source}: time column {column.header!r} holds dates before 1678 or after 2261; correct them, or give seconds."
+        )
     nanoseconds = cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype).to_physical().cast(pl.Int64)
     ticks = {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(cells.dtype, "time_unit", None) or "ns"] if cells.dtype == pl.Duration else 1e9
     return (nanoseconds - nanoseconds[0]).to_numpy() / ticks

@@ -159,9 +159,16 @@ def _run_of_json(values: Mapping[str, Any], place: str) -> RunRecord:
         return _run(values, vectors, parameters)
 
 
+def _lists(column: pl.Series) -> pl.Series:
+    """A column of lists of numbers; older polars would make lists of anything."""
+    if not isinstance(column.dtype, pl.List):
+        raise TypeError(f"{column.name!r} is {column.dtype}, not lists of numbers")
+    return column.cast(pl.List(pl.Float64))
+
+
 def _runs_of_frame(frame: pl.DataFrame) -> Iterator[RunRecord]:
     with _place("the columns"):
-        vectors = {name: frame.get_column(name).cast(pl.List(pl.Float64)) for name in VECTORS}
+        vectors = {name: _lists(frame.get_column(name)) for name in VECTORS}
         scalars = frame.drop(VECTORS)
     for k, values in enumerate(scalars.iter_rows(named=True)):
         with _place(f"row {k}"):
