@@ -1,4 +1,4 @@
-"""macOS, Windows and ARM by faked facts: the branches for them work. On those systems themselves plantfit was never run (README.md)."""
+"""macOS, Windows and ARM by faked facts: the branches for them work. What was run on those systems themselves stands in README.md."""
 
 import ctypes
 import errno
