@@ -13,7 +13,7 @@ from plantfit.models.text.suggest import suggest
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
-from plantfit.trust.diagnosis.hypothesis import Fitted, fitted
+from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.outliers import outlying
@@ -22,6 +22,7 @@ QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in 
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
+SURE = 2.0  # standard errors that a value is off zero
 STRONG = 3.0  # times the evidence that is needed: "very likely"
 TRYING, FITTING = (
     0.65,
@@ -50,6 +51,7 @@ class Round:
     """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
 
     `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
+    `base` is the fit with what was given that all are held against.
     """
 
     given: tuple[Extension, ...]
@@ -58,14 +60,17 @@ class Round:
     needed: float
     untried: tuple[Extension, ...] = ()
     whole: bool = True
+    base: Fitted | None = None
 
 
 @dataclass(frozen=True)
 class Outliers:
-    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual."""
+    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual, that
+    of the model with the additions `beside`."""
 
     counts: dict[str, tuple[int, int]]
     share: float
+    beside: tuple[Extension, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -151,6 +156,8 @@ def diagnose(
             if both is None:
                 break
             made, one = [*made[:-1], both[0]], both[1]
+        made = _with_better_base(carrier, bare, made, one, use, kept)
+        bare = made[0].base or bare if made else one.base or bare
         made.append(one)
         best = one.trials[0] if one.trials else None
         waiting = not one.found and not waiting and bare is base and best is not None and best.explained >= WORTH
@@ -158,8 +165,39 @@ def diagnose(
         if following is None:
             break
         base = following
+        anew = outlying(base.residuals, rows)
+        if np.any(anew != apart):  # what a wrong model hid, or took for outliers
+            apart, kept, use = anew, ~anew, rows.fit & ~anew
+            base = fitted(carrier, base.additions, base.x, base.theta, use)
+            outliers = _outliers(base, apart, carrier)
+            if one.found:
+                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, one.found[0], base, use, kept), *one.found[1:]))
     whole = whole and all(r.whole for r in made)
     return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole)
+
+
+def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray) -> list[Round]:
+    """The rounds, where the last one came upon a better fit of what the one before it had found."""
+    if not made or last.base is None or not made[-1].found or made[-1].found[0].at is last.base:
+        return list(made)
+    first = made[-1]
+    at = first.found[0].at
+    assert at is not None
+    if last.base.cost(use) >= at.cost(use):
+        return list(made)
+    return [
+        *made[:-1],
+        replace(first, found=(_refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])),
+    ]
+
+
+def _refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with the figures of another fit of the same additions."""
+    before, after, unit = base.cost(use), at.cost(use), _scale(carrier)
+    rmse = float(np.sqrt(before / use.sum())) * unit, float(np.sqrt(after / use.sum())) * unit
+    told, explained = evidence(base, at, carrier.rows, use), max(0.0, 1.0 - after / before)
+    made = replace(t, at=at, explained=explained, evidence=told, rmse=rmse, value=at.value(t.extension, carrier))
+    return _judged(carrier, base, made, use, kept)
 
 
 def treatable(problem: Problem) -> bool:
@@ -214,7 +252,7 @@ def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
     total = float(np.sum(base.residuals[scored] ** 2))
     share = float(np.sum(base.residuals[scored & apart] ** 2)) / total if total > 0 else 0.0
     counts = {o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o)))) for o in dict.fromkeys(rows.output)}
-    return Outliers(counts, share)
+    return Outliers(counts, share, base.additions)
 
 
 def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any) -> Round:
@@ -244,6 +282,12 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
                 whole = False
         trials.append((e, one))
     trials.sort(key=lambda pair: pair[1].cost(use))
+    if trials and evidence(base, trials[0][1], carrier.rows, use) >= limit and meter.holds(0.0):
+        # a wrong model may press its parameters far into a valley; what brings them back is not the addition then
+        say(f"fitting without {trials[0][0].name}")
+        again = without(carrier, trials[0][1], trials[0][0], use)
+        if again.cost(use) < before:
+            base, before = again, again.cost(use)
     judged = []
     for k, (e, one) in enumerate(trials):
         explained = max(0.0, 1.0 - one.cost(use) / before)
@@ -258,7 +302,7 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
                 whole = False
         judged.append(trial)
     found = _found(carrier, judged, extensions, use)
-    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried)
+    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried, base)
 
 
 def _price(e: Extension) -> int:
@@ -269,7 +313,7 @@ def _price(e: Extension) -> int:
 
 def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
     """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
-    good = [t for t in judged if t.unseen is not None and t.unseen > 0]
+    good = [t for t in judged if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
     if not good:
         return ()
     best = max(good, key=lambda t: t.explained)
@@ -281,6 +325,15 @@ def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Exten
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
+    """Whether the value of an addition that is nothing at zero is known to be something."""
+    if t.extension.kind in ("saturation", "sensor_high", "sensor_low") or t.value is None or t.standard_error is None:
+        return True
+    if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
+        return True  # a value for each recording
+    return abs(t.value) >= SURE * t.standard_error
 
 
 def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:

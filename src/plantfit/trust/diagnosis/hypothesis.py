@@ -10,8 +10,9 @@ from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension
 
 STEP = 1e-4  # of the size of an addition: by how much it is moved for a derivative
-DAMPING, GROWTH = 1e-3, 4.0
-ENDS = 1e-5  # relative decrease of the cost that ends a fit
+DAMPING, GROWTH, LEAST = 1e-3, 4.0, 1e-9
+ENDS = 1e-5  # relative decrease of the cost that ends a fit, promised without damping
+SINGULAR = 1e-7  # of the largest singular value: directions that nothing shows
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,14 @@ class Fitted:
             return float(self.theta[k])
         own = self.x[list(carrier.inside[addition.kind, addition.signal])]
         return float(own[np.argmax(np.abs(own))])
+
+
+def without(carrier: Carrier, one: Fitted, addition: Extension, use: np.ndarray) -> Fitted:
+    """The fit without one of the additions, from where the fit with it ended."""
+    k, x = one.additions.index(addition), one.x.copy()
+    if addition.place == "inside":
+        x[carrier_places(carrier, addition)] = 0.0
+    return fitted(carrier, [a for a in one.additions if a is not addition], x, np.delete(one.theta, k), use)
 
 
 def columns(carrier: Carrier, additions: Sequence[Extension]) -> np.ndarray:
@@ -146,6 +155,9 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
         if not np.isfinite(cost) or not np.all(np.isfinite(a)):
             break
         q, s, right = np.linalg.svd(a / norms, full_matrices=False)
+        # what the damping holds back is promised as well: along a valley each damped step gains little, far from its end
+        if _promised(point[free], low[free], high[free], a, b, q, s) <= ENDS * cost:
+            break
         s_inv = s / (s**2 + damping)
         step = -(right.T @ (s_inv * (q.T @ b))) / norms
         trial = point.copy()
@@ -153,11 +165,24 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
         r2, j2 = whole(trial)
         new = float(np.sum(r2[use] ** 2))
         if np.isfinite(new) and new < cost:
-            point, r, jacobian, damping = trial, r2, j2, max(damping / GROWTH, 1e-9)
-            if cost - new <= ENDS * cost:
+            quick = cost - new <= 0.1 * cost  # a small gain under damping: the valley is straight enough to damp less
+            point, r, jacobian, damping = trial, r2, j2, max(damping / GROWTH ** (3 if quick else 1), LEAST)
+            if cost - new <= ENDS * cost and damping <= LEAST:
                 break
         else:
             damping *= GROWTH**2
             if damping > 1e4:
                 break
     return Fitted(additions, point[:n], point[n:], r, jacobian)
+
+
+def _promised(x: np.ndarray, low: np.ndarray, high: np.ndarray, a: np.ndarray, b: np.ndarray, q: np.ndarray, s: np.ndarray) -> float:
+    """The decrease of the sum of squares |b|^2 that a whole Gauss-Newton step would bring, from x (k,) inside its bounds (k,); a (m, k) are
+    the derivatives, q and s of their singular value decomposition."""
+    slope = a.T @ b
+    held = ((x <= low) & (slope > 0)) | ((x >= high) & (slope < 0))
+    if held.any():
+        inside = a[:, ~held]
+        q, s, _ = np.linalg.svd(inside / np.maximum(np.linalg.norm(inside, axis=0), 1e-300), full_matrices=False)
+    shown = s > SINGULAR * np.max(s, initial=0.0)
+    return float(np.sum((q[:, shown].T @ b) ** 2))
