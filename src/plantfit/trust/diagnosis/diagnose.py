@@ -11,6 +11,7 @@ from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.models.text.suggest import suggest
 from plantfit.problem.problem import Problem
+from plantfit.sobol import Sobol
 from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
 from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
@@ -22,6 +23,7 @@ QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in 
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
+NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 SURE = 2.0  # standard errors that a value is off zero
 STRONG = 3.0  # times the evidence that is needed: "very likely"
 TRYING, FITTING = (
@@ -284,6 +286,12 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
     trials.sort(key=lambda pair: pair[1].cost(use))
     if trials and evidence(base, trials[0][1], carrier.rows, use) >= limit and meter.holds(0.0):
         # a wrong model may press its parameters far into a valley; what brings them back is not the addition then
+        if not trials[0][1].settled or _pressed(carrier, base) or _pressed(carrier, trials[0][1]):
+            if meter.holds(0.0, FITTING, begun):
+                say(f"fitting with {trials[0][0].name} from other values")
+                trials = _from_elsewhere(carrier, trials, use)
+            else:
+                whole = False
         say(f"fitting without {trials[0][0].name}")
         again = without(carrier, trials[0][1], trials[0][0], use)
         if again.cost(use) < before:
@@ -325,6 +333,32 @@ def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Exten
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _pressed(carrier: Carrier, one: Fitted) -> bool:
+    """Whether a parameter of the problem stands at a bound."""
+    own = one.x[: carrier.own]
+    return bool(np.any((own < NEAR_BOUND) | (own > 1.0 - NEAR_BOUND)))
+
+
+def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray) -> list[tuple[Extension, Fitted]]:
+    """The trials, the best one fitted from some points of the box as well, and the others of the best from where that ended."""
+    best, made = trials[0][1], list(trials)
+    for z in Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own]:
+        x = best.x.copy()
+        x[: carrier.own] = z
+        one = fitted(carrier, best.additions, x, best.theta, use)
+        best = one if one.cost(use) < best.cost(use) else best
+    if best is trials[0][1]:
+        return made
+    made[0] = (trials[0][0], best)
+    for k, (e, one) in enumerate(trials[1:FINALISTS], 1):
+        x = one.x.copy()
+        x[: carrier.own] = best.x[: carrier.own]
+        again = fitted(carrier, one.additions, x, one.theta, use)
+        made[k] = (e, again if again.cost(use) < one.cost(use) else one)
+    made.sort(key=lambda pair: pair[1].cost(use))
+    return made
 
 
 def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
