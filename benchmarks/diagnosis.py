@@ -293,9 +293,10 @@ def judged(plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0
         d = diagnose(answer.problem, answer.best.x)
         seconds = time.perf_counter() - began
         left = (_run(study, d, Path(folder), budget) if run and (d.found or d.outliers.named) else _fitted(d)) / made.noise
-    named = [[key(t.extension) for t in r.found] for r in d.rounds]
+    named = [[key(t.extension) for t in r.found] for r in d.rounds if r.found] or [[]]
     found, later, three = named[0], [n for own in named[1:] for n in own], [key(t.extension) for t in d.rounds[0].trials[:3]]
-    very = [own for own, r in zip(named, diagnosis_record(d)["rounds"], strict=True) if r["likely"] == "very likely"]
+    told = [r["likely"] for r in diagnosis_record(d)["rounds"] if r["found"]]
+    very = [own for own, likely in zip(named, told, strict=False) if likely == "very likely"]
     if d.outliers.named:
         found, three = ["outliers", *found], ["outliers", *three]
         very.append(["outliers"])

@@ -24,6 +24,7 @@ ALIKE = 8.0  # evidence for one of two additions below which the record does not
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
+SHARP = 16  # times less is the speed from which on dry friction is whole, where it is found and that fits better
 SURE = 2.0  # standard errors that a value is off zero
 STRONG = 3.0  # times the evidence that is needed: "very likely"
 TRYING, FITTING = (
@@ -84,7 +85,8 @@ class Outliers:
 class Diagnosis:
     """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
     were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
-    `evaluations` of the cost were spent. It is `whole` where the work allowed was enough for everything."""
+    `dropped` were found first, and explain nothing beside what was found later. `evaluations` of the cost were spent. It is `whole` where
+    the work allowed was enough for everything."""
 
     carrier: Carrier
     base: Fitted
@@ -94,6 +96,7 @@ class Diagnosis:
     evaluations: float
     unseen_blocks: bool
     whole: bool = True
+    dropped: tuple[Extension, ...] = ()
 
     @property
     def found(self) -> tuple[Trial, ...]:
@@ -141,6 +144,7 @@ def diagnose(
         base = fitted(carrier, (), base.x, np.zeros(0), use)
     made: list[Round] = []
     bare, waiting, whole, taken = base, False, True, 0.0
+    dropped: list[Extension] = []
     if wanted is not None:
         for e in wanted:
             made.append(_round(carrier, base, [e], use, kept, say))
@@ -162,7 +166,7 @@ def diagnose(
         bare = made[0].base or bare if made else one.base or bare
         made.append(one)
         best = one.trials[0] if one.trials else None
-        waiting = not one.found and not waiting and bare is base and best is not None and best.explained >= WORTH
+        waiting = not one.found and not waiting and not base.additions and best is not None and best.explained >= WORTH
         following = one.found[0].at if one.found else best.at if waiting and best is not None else None
         if following is None:
             break
@@ -174,8 +178,44 @@ def diagnose(
             outliers = _outliers(base, apart, carrier)
             if one.found:
                 made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, one.found[0], base, use, kept), *one.found[1:]))
+        if one.found and one.found[0].extension.kind == "coulomb" and carrier.sharp == 1 and meter.holds(SHARP * carrier.charge * QUICK):
+            say("fitting with sharper friction")
+            sharp = Carrier.of(problem, z, inside_kinds(problem), meter, SHARP)
+            at = fitted(sharp, base.additions, base.x, base.theta, use)
+            if at.cost(use) <= (1.0 - LEAST) * base.cost(use):
+                carrier, base = sharp, at
+                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, made[-1].found[0], at, use, kept), *one.found[1:]))
+        if one.found and len(base.additions) > 1:
+            say("fitting without what was found before")
+            base, made, gone = _pruned(carrier, bare, base, made, use, kept)
+            dropped += gone
     whole = whole and all(r.whole for r in made)
-    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole)
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole, tuple(dropped))
+
+
+def _pruned(
+    carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray
+) -> tuple[Fitted, list[Round], list[Extension]]:
+    """The fit and the rounds without additions that the last one found explains as well; which these were."""
+    gone: list[Extension] = []
+    for a in base.additions[:-1]:
+        less = without(carrier, base, a, use)
+        if evidence(less, base, carrier.rows, use) < made[-1].needed:
+            base, gone = less, [*gone, a]
+    rounds = list(made)
+    if gone:  # what is left is told anew, one after the other
+        before = bare
+        for k, one in enumerate(rounds):
+            if not one.found or one.found[0].extension in gone:
+                rounds[k] = replace(one, found=())
+                continue
+            upto = base.additions[: base.additions.index(one.found[0].extension) + 1]
+            at = base
+            for a in base.additions[len(upto) :]:
+                at = without(carrier, at, a, use)
+            rounds[k] = replace(one, found=(_refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
+            before = at
+    return base, rounds, gone
 
 
 def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray) -> list[Round]:

@@ -79,9 +79,13 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                     count=count,
                     share=d.outliers.share,
                 )
-    for k, one in enumerate(d.rounds):
-        if one.found:
-            yield _found(d, one, k)
+    for k, one in enumerate(r for r in d.rounds if r.found):
+        yield _found(d, one, k)
+    for e in d.dropped:
+        text = f"{e.article} {e.name}".strip()
+        yield say(
+            "info", f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was found later."
+        )
     if not d.found:
         yield _nothing(d, alone)
     last = d.rounds[-1]
