@@ -189,8 +189,24 @@ def diagnose(
             say("fitting without what was found before")
             base, made, gone = _pruned(carrier, bare, base, made, use, kept)
             dropped += gone
-    whole = whole and all(r.whole for r in made)
+    whole, made = whole and all(r.whole for r in made), _valued(carrier, made, use)
     return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole, tuple(dropped))
+
+
+def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Round]:
+    """The rounds, the value of everything that was found being that of the fit with all of it."""
+    found = [r for r in made if r.found]
+    end = found[-1].found[0].at if found else None
+    if end is None or len(found) < 2:
+        return list(made)
+    rounds = []
+    for one in made:
+        if one.found and one.found[0].extension in end.additions:
+            e = one.found[0].extension
+            first = replace(one.found[0], value=end.value(e, carrier), standard_error=standard_error(carrier, end, e, use))
+            one = replace(one, found=(first, *one.found[1:]))
+        rounds.append(one)
+    return rounds
 
 
 def _pruned(
