@@ -103,7 +103,7 @@ def _cell(row: Mapping[str, Any], ascii_only: bool) -> str:
         low, high = row["low"], row["high"]
         text = significant(row["value"], 4) if low is None or high is None else f"{significant(row['value'], 3)} ({interval(low, high)})"
     else:
-        text = plus_minus(row["value"], row["standard_error"])
+        text = plus_minus(row["value"], row["standard_error"], ascii_only)
     return text.replace("±", "+-").replace("\u2212", "-").replace(UNKNOWN, "-").replace("\u2013", "-") if ascii_only else text
 
 

@@ -20,7 +20,13 @@ def _first(record: Record) -> list[Sentence]:
     names = [r["name"] for r in record["recordings"]]
     if not tested:
         text = "Whether the recordings agree cannot be told: no parameter is determined by two recordings alone."
-        return [say("warning", text + " Record longer, or with inputs that move more.")]
+        slow = any(not r["sound"] for r in record["recordings"])
+        more = (
+            "What is left is not noise: see first what the model lacks (`plantfit diagnose`)."
+            if slow
+            else ("Record longer, or with inputs that move more.")
+        )
+        return [say("warning", f"{text} {more}")]
     differ = [p for p in record["parameters"] if p["differs"]]
     if record["agree"]:
         least = min([p["p_adjusted"] for p in record["parameters"] if p["p"] is not None], default=1.0)
