@@ -22,7 +22,7 @@ def records_rows(record: Mapping[str, Any], ascii_only: bool = False) -> tuple[l
     for p in record["parameters"]:
         tail = f" [{label(p['unit'])}]" if label(p["unit"]) not in ("", "1") else ""
         cells = [_cell(a, ascii_only) + ("" if a["tested"] else "*") for a in p["alone"]]
-        rows.append([p["name"] + tail, *cells, _cell(p["joint"], ascii_only), _number(p["p_adjusted"], 2, ascii_only)])
+        rows.append([p["name"] + tail, *cells, _cell(p["joint"], ascii_only), _chance(p["p_adjusted"], ascii_only)])
     unit = label(record["unit"])
     tail = f" [{unit}]" if unit not in ("", "1") else ""
     for key, text in (("rmse_alone", "RMSE, own values"), ("rmse_joint", "RMSE, joint values")):
@@ -40,7 +40,7 @@ def records_page(record: Mapping[str, Any]) -> dict[str, Any]:
         tables.append({"caption": "What moved", "columns": columns, "rows": moved, "note": "Against the weighted mean of the others."})
     tests = [
         [
-            p["name"], significant(p["q"], 3), significant(p["degrees"], 3), significant(p["p"], 2), significant(p["p_adjusted"], 2),
+            p["name"], significant(p["q"], 3), significant(p["degrees"], 3), _chance(p["p"], False), _chance(p["p_adjusted"], False),
             f"{100 * p['i_squared']:.0f} %", f"{significant(p['between'], 2)} {unit_label(p['unit'])}".strip(),
         ]
         for p in record["parameters"]
@@ -48,17 +48,8 @@ def records_page(record: Mapping[str, Any]) -> dict[str, Any]:
     ]  # fmt: skip
     if record["together"] is not None:
         t = record["together"]
-        tests.append(
-            [
-                "all together",
-                significant(t["q"], 3),
-                significant(t["degrees"], 3),
-                significant(t["p"], 2),
-                significant(t["p_adjusted"], 2),
-                "",
-                "",
-            ]
-        )
+        chances = _chance(t["p"], False), _chance(t["p_adjusted"], False)
+        tests.append(["all together", significant(t["q"], 3), significant(t["degrees"], 3), *chances, "", ""])
     if tests:
         note = "I²: share of the scatter that is more than the standard errors explain; then the standard deviation between recordings."
         tables.append(
@@ -93,7 +84,7 @@ def _moved_rows(record: Mapping[str, Any]) -> list[list[str]]:
             share = "" if m["share"] is None else f" ({100 * m['share']:+.3g} %)"
             there, others = plus_minus(m["value"], m["standard_error"]), plus_minus(m["others"], m["others_error"])
             by = f"{significant(m['by'], 3)} {unit}".strip() + share
-            p, told = significant(m["p_adjusted"], 2), "yes" if m["told"] else "no"
+            p, told = _chance(m["p_adjusted"], False), "yes" if m["told"] else "no"
             rows.append([a["recording"], m["name"], f"{there} {unit}".strip(), f"{others} {unit}".strip(), by, p, told])
     return rows
 
@@ -105,6 +96,11 @@ def _cell(row: Mapping[str, Any], ascii_only: bool) -> str:
     else:
         text = plus_minus(row["value"], row["standard_error"], ascii_only)
     return text.replace("±", "+-").replace("\u2212", "-").replace(UNKNOWN, "-").replace("\u2013", "-") if ascii_only else text
+
+
+def _chance(p: float | None, ascii_only: bool) -> str:
+    """A p-value; below 1e-9 its size means nothing."""
+    return "<1e-9" if p is not None and p < 1e-9 else _number(p, 2, ascii_only)
 
 
 def _number(value: float | None, digits: int, ascii_only: bool) -> str:
