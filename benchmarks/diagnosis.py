@@ -161,7 +161,7 @@ PAIRS = {
 
 @dataclass(frozen=True)
 class Made:
-    """Times (n,), recorded input (n,) and recorded output (n,) of a plant, and the standard deviation of the noise in it."""
+    """Times (n,), recorded input (n,) and recorded output (n,) of a plant, and the RMS of the noise in its fitted part."""
 
     t: np.ndarray
     u: np.ndarray
@@ -204,8 +204,8 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
             c = rate(x + 0.5 * fine * b, now, extra)
             x = x + fine / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + fine * c, now, extra))
             shown += (plant.output(x) - shown) * (1.0 - np.exp(-fine / sizes["sensor_lag"])) if "sensor_lag" in sizes else 0.0
-    deviation = noise * float(np.std(y))
-    y = y + deviation * _noise(rng, n, fault == COLOURED)
+    added = noise * float(np.std(y)) * _noise(rng, n, fault == COLOURED)
+    y = y + added
     y += sizes.get("offset", 0.0) + sizes.get("drift", 0.0) * t
     for end, quantile, cut in (("sensor_high", 0.9, np.minimum), ("sensor_low", 0.1, np.maximum)):
         if end in sizes:  # without a level of its own an end that the record reaches, wherever it is
@@ -213,7 +213,7 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
     if "outliers" in sizes:
         hit = rng.random(n) < sizes["outliers"]
         y[hit] += rng.choice([-1.0, 1.0], hit.sum()) * rng.uniform(1.0, 3.0, hit.sum()) * np.std(y)
-    return Made(t, u, y, deviation)
+    return Made(t, u, y, float(np.sqrt(np.mean(added[: n * 7 // 10] ** 2))))
 
 
 LEVELS = ("saturation", "sensor_high", "sensor_low")  # a smaller fault is not a smaller number there
