@@ -203,3 +203,17 @@ def test_catalogues(capsys, monkeypatch):
     models = json.loads(call(capsys, monkeypatch, "models", "--json").out)
     assert {"dc_motor", "drive", "first_order"} <= {m["name"] for m in models}
     assert "Kt" in call(capsys, monkeypatch, "models", "dc_motor").out
+
+
+def test_check_says_what_the_records_can_determine(folder, capsys, monkeypatch):
+    """The heater's four are told apart; with its gain written as a product of two the product is named, and what to hold."""
+    said = call(capsys, monkeypatch, "check", "heater.toml")
+    assert "These records can tell all 4 parameters apart" in " ".join(said.out.split())
+    text = (folder / "heater.toml").read_text().replace("K*delay", "K*c*delay")
+    (folder / "product.toml").write_text(text + "\n[parameters.c]\nbounds = [0.5, 2.0]\n")
+    said = call(capsys, monkeypatch, "check", "product.toml")
+    assert said.code == 0, said.err
+    assert "These records can determine 4 of 5 at best: " in " ".join(said.out.split())
+    assert "K*c. Hold or measure one of K and c." in " ".join(said.out.split())
+    found = json.loads(call(capsys, monkeypatch, "check", "product.toml", "--json").out)["identifiable"]
+    assert (found["rank"], found["of"], found["together"], found["fix"]) == (4, 5, ["K*c"], [["K"], ["c"]])

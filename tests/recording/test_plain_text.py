@@ -6,8 +6,8 @@ import pytest
 
 from plantfit.errors import PlantfitError
 from plantfit.recording import read
-from plantfit.recording.readers import csv, plain_text
-from plantfit.recording.readers.csv import csv_table
+from plantfit.recording.readers.text import csv, plain_text
+from plantfit.recording.readers.text.csv import csv_table
 
 N = 200
 

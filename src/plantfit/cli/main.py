@@ -66,7 +66,7 @@ def demo(
     name: Annotated[str, typer.Argument(help="Name of a demo; see `plantfit demo --list`.")] = "gearmotor",
     out: Annotated[str, typer.Option("--out", "-o", help="Folder for the reports.")] = "out",
     list_: Annotated[bool, typer.Option("--list", help="Name the demos and stop.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="The whole study instead of a minute of it, where a demo has both.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="The whole study instead of a short form of it, where a demo has both.")] = False,
     json: Json = False,
 ) -> None:
     """Work a demo that comes with plantfit, end to end, and write its reports."""
@@ -82,12 +82,16 @@ def init(
         str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing study file.")] = False,
+    inputs: Annotated[list[str] | None, typer.Option("--input", help="Column that is an input; once for each.")] = None,
+    outputs: Annotated[list[str] | None, typer.Option("--output", help="Column that is an output; once for each.")] = None,
+    candidates: Annotated[bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; take what the columns seem to be.")] = False,
     json: Json = False,
 ) -> None:
-    """Look at the columns of a recording and write a commented study file that runs."""
+    """Say what the columns of a recording seem to be, and write a commented study file that runs."""
     from plantfit.cli.commands.before import init as command
 
-    command.init(file, out, force, json)
+    command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates)
 
 
 @app.command()

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description, describe
     from plantfit.recording.readers.any_format import read
     from plantfit.recording.readers.arrays import from_arrays, read_mat, read_npz
-    from plantfit.recording.readers.csv import read_csv
     from plantfit.recording.readers.tables import from_frame, read_parquet, read_xlsx
+    from plantfit.recording.readers.text.csv import read_csv
     from plantfit.recording.record import Recording, Signal
+    from plantfit.recording.roles import Role, Roles, guess_roles
     from plantfit.recording.signals.backdate import backdate
     from plantfit.recording.signals.derivative import differentiate
     from plantfit.recording.signals.differentiation import DerivativeError, compare_derivatives
@@ -37,6 +38,8 @@ __all__ = [
     "DerivativeError",
     "Description",
     "Recording",
+    "Role",
+    "Roles",
     "Signal",
     "backdate",
     "compare_derivatives",
@@ -54,6 +57,7 @@ __all__ = [
     "fill_gaps",
     "from_arrays",
     "from_frame",
+    "guess_roles",
     "levels",
     "lowpass",
     "moving_rms",
@@ -82,7 +86,8 @@ names_of(
         "clean.adjust": "convert_units detrend scale subtract",
         "readers.arrays": "from_arrays read_mat read_npz",
         "signals.backdate": "backdate",
-        "readers.csv": "read_csv",
+        "readers.text.csv": "read_csv",
+        "roles": "Role Roles guess_roles",
         "clean.cutoff": "Cutoff cutoff_frequency",
         "signals.derivative": "differentiate",
         "description": "ColumnSummary Description describe",

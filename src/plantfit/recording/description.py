@@ -11,6 +11,7 @@ from plantfit.errors import PlantfitError
 from plantfit.recording.readers.any_format import table
 from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, identifier
+from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import casted, clean_text, mostly_numbers
 
 
@@ -27,6 +28,7 @@ class ColumnSummary:
     minimum: float | None
     maximum: float | None
     first: tuple[str, ...]
+    first_number: float | None = None
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,16 @@ class Description:
 
 def describe(path: str | os.PathLike[str], **options: Any) -> Description:
     """Columns with names, units, kinds and ranges, and the likely time column; `options` as delimiter, sheet, ..."""
-    found = table(path, **options)
+    return described(table(path, **options))
+
+
+def described(content: Table) -> Description:
+    """The same of columns that were read."""
+    found = widened(content)
     time = guess_time(found)
     period = jitter = problem = None
+    if time is None and found.period is not None:
+        period, jitter = found.period[1], 0.0
     if time is not None:
         try:
             steps = np.diff(seconds(found, time, None)[0])
@@ -74,4 +83,5 @@ def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
     missing = cells.null_count() + (int(cells.is_nan().sum()) if cells.dtype.is_float() else 0)
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
     kind = "time" if is_time else "number" if numeric else "text"
-    return ColumnSummary(column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first)
+    start = float(finite[0]) if len(finite) else None
+    return ColumnSummary(column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first, start)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from plantfit.trust.assess import assess
     from plantfit.trust.identify.added_measurements import Measurement, Openings, openings
     from plantfit.trust.identify.base_parameters import BaseParameters, base_parameters
+    from plantfit.trust.identify.before_fit import BeforeFit, before_fit
     from plantfit.trust.identify.combinations import Combinations, combinations
     from plantfit.trust.identify.directions import Direction, flat_directions
     from plantfit.trust.identify.flat_curves import FlatCurve, flat_curves
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BaseParameters",
+    "BeforeFit",
     "Budget",
     "Combinations",
     "DeadTime",
@@ -56,6 +58,7 @@ __all__ = [
     "assess",
     "autocorrelation",
     "base_parameters",
+    "before_fit",
     "certified_floor",
     "combinations",
     "constrained_optimum",
@@ -98,6 +101,7 @@ names_of(
         "validate.dead_time": "DeadTime dead_time",
         "identify.directions": "Direction flat_directions",
         "rigid_body.feasibility": "LinkNames link_constraints",
+        "identify.before_fit": "BeforeFit before_fit",
         "identify.flat_curves": "FlatCurve flat_curves",
         "intervals.linearised": "Local linearise",
         "identify.next_experiment": "Experiment Gain d_optimal gain",

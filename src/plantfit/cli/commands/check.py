@@ -27,6 +27,10 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     from plantfit.trust.looks import problem_looks
 
     record = {**_understood(study, problem), "data": [look.record for look in problem_looks(problem)], **_simulated(problem, z)}
+    from plantfit.trust.identify.before_fit import before_fit
+
+    told = before_fit(problem)
+    record["identifiable"] = None if told is None else told.record
     if study.errors:
         from plantfit.trust.stated_errors.reading_budgets import reading_budgets
 
@@ -42,6 +46,8 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     _say_understood(problem, record)
     _say_simulated(problem, record, at, tolerance)
     say_looks(record["data"])
+    for told in (record["identifiable"] or {}).get("sentences", []):
+        say_looks([{**told, "write": None}])
     out.print(f"ready: plantfit run {spec}", markup=False)
 
 

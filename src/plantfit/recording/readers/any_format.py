@@ -13,14 +13,14 @@ from plantfit.plugins import Plugin, offered
 from plantfit.recording.readers.arrays import array_table, mat_table, npz_table, read_mat, read_npz
 from plantfit.recording.readers.assemble import assemble
 from plantfit.recording.readers.columns import Table
-from plantfit.recording.readers.csv import csv_table, read_csv
 from plantfit.recording.readers.files import existing
 from plantfit.recording.readers.memory import free_memory, memory_needed
 from plantfit.recording.readers.panics import unheard
 from plantfit.recording.readers.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
+from plantfit.recording.readers.text.csv import csv_table, read_csv
 from plantfit.recording.record import Recording
 
-TEXT = (".csv", ".tsv", ".txt", ".dat")
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc", ".log")
 _READERS: dict[str, tuple[Callable[..., Recording], Callable[..., Table], tuple[str, ...]]] = {
     **dict.fromkeys(TEXT, (read_csv, csv_table, ("delimiter", "decimal", "header", "skip"))),
     **dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), (read_xlsx, xlsx_table, ("sheet",))),

@@ -176,6 +176,8 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Any:
             continue
         if isinstance(value, Mapping):
             yield from _flat(value, f"{name}.")
+        elif isinstance(value, np.ndarray) and value.dtype == object and _is_sheet(value):
+            yield from ((str(head).strip(), np.asarray(column, dtype=float)) for head, column in zip(value[0], value[1:].T, strict=True))
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
             items = list(np.ravel(np.asarray(value, dtype=object)))
             yield from _flat({str(i): item for i, item in enumerate(items)}, f"{name}.")
@@ -185,6 +187,26 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Any:
                 yield from ((f"{name}.{j}", column) for j, column in enumerate(array.T))
             else:
                 yield name, array
+
+
+def _is_sheet(cells: np.ndarray) -> bool:
+    """Whether an array of objects is a table: a row of names above rows of numbers."""
+    if cells.ndim != 2 or len(cells) < 3:
+        return False
+    names = all(isinstance(cell, str) for cell in cells[0])
+    return names and all(np.ndim(cell) == 0 and isinstance(cell, (int, float, np.number)) for cell in cells[1:].ravel())
+
+
+def _stated_period(arrays: Mapping[str, np.ndarray]) -> tuple[str, float] | None:
+    """A number beside the samples that is their period by its name (Ts, dt, ... in s), or their rate (fs in Hz): (name, s)."""
+    for key, array in arrays.items():
+        name, value = key.rpartition(".")[2].lower(), float(np.ravel(array)[0]) if array.size == 1 and array.dtype.kind in "fiu" else 0.0
+        if value > 0 and np.isfinite(value):
+            if name in ("ts", "dt", "tsample", "sampletime", "sample_time", "period", "t_s", "tsamp"):
+                return key, value
+            if name in ("fs", "fsample", "samplerate", "sample_rate"):
+                return key, 1.0 / value
+    return None
 
 
 def array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int | None) -> Table:
@@ -197,4 +219,5 @@ def array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int |
     left_out |= {key: f"it has {len(v)} values where the others have {samples}" for key, v in vectors.items() if len(v) != samples}
     kept = {key: vector for key, vector in vectors.items() if len(vector) == samples}
     cells = [cells_of(key, np.ascontiguousarray(v.astype(v.dtype.newbyteorder("=")))) for key, v in kept.items()]
-    return Table(source, named_columns(kept, cells), log=(f"Read from {source}.",), left_out=left_out)
+    stated = _stated_period({key: array for key, array in arrays.items() if key not in kept})
+    return Table(source, named_columns(kept, cells), log=(f"Read from {source}.",), left_out=left_out, period=stated)

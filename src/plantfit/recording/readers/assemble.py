@@ -8,6 +8,7 @@ import numpy as np
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, close_match, identifier
+from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
 from plantfit.recording.record import Recording, Signal
 from plantfit.units import parse
@@ -38,6 +39,7 @@ class Options(TypedDict, total=False):
 def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     """A recording from the columns of a table; raises RecordingError or UnitError with file and line."""
     _check_options(table, options)
+    table = widened(table)
     t, time_column, log = _time(table, options)
     chosen, chosen_log = _chosen(table, options.get("signals"), time_column)
     log = [*table.log, *log, *chosen_log]
@@ -73,6 +75,9 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
             raise RecordingError(f"{table.source}: period is {period!r}; give the seconds between two rows, above 0.")
         return np.arange(len(table.columns[0].cells)) * float(period), None, [f"Time counted from 0 in steps of {period:g} s."]
     column = table.column(wanted, "time") if wanted is not None else guess_time(table)
+    if column is None and table.period is not None:
+        name, step = table.period
+        return step * np.arange(len(table.columns[0].cells)), None, [f"Time counted from 0 in steps of {step:g} s, by {name!r}."]
     if column is None:
         raise RecordingError(
             f"{table.source}: no column looks like time; give time= one of {[c.header for c in table.columns]} or period= in seconds."

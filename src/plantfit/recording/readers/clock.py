@@ -1,7 +1,6 @@
 """Time columns to seconds: numbers with a unit, ISO timestamps, or clock readings."""
 
 import re
-from datetime import datetime
 
 import numpy as np
 import polars as pl
@@ -9,24 +8,29 @@ import polars as pl
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, numbers
+from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
 from plantfit.units import compatible, factor_offset
 
 _CLOCK = re.compile(r"(\d+):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
-_SUFFIX = re.compile(r"^(?:t|time|zeit|elapsed|timestamp)[_ ](ns|us|µs|ms|s|sec|min|h)$", re.IGNORECASE)
+_WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
+_UNITS = "ns|us|µs|ms|s|sec|min|h"
+_SUFFIX = re.compile(rf"^(?:{_WORDS})[_ ]({_UNITS})$", re.IGNORECASE)
 _NAMES = re.compile(
-    r"^(t|time|zeit|date|datetime|timestamp|elapsed|sec|seconds|millis|micros|time stamp|date ?time|elapsed time"
-    r"|(t|time|zeit|elapsed|timestamp)[_ ](ns|us|µs|ms|s|sec|min|h))$",
+    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed time|zeitstempel|uhrzeit"
+    rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ ]({_UNITS}))$",
     re.IGNORECASE,
 )
-_BARE_UNITS = {"sec": "s", "seconds": "s", "millis": "ms", "micros": "us"}
+_BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
 
 
 def looks_like_time(cell: str) -> bool:
     """Whether a text is an ISO timestamp or a clock reading (not a plain number)."""
+    if cell[:1].isalpha():
+        return False
     cell = cell.strip()
     if _CLOCK.fullmatch(cell):
         return True
-    return bool(re.match(r"\d{4}-\d\d-\d\d", cell)) and _timestamp(cell) is not None
+    return is_timestamp(cell)
 
 
 def is_time_name(name: str) -> bool:
@@ -35,15 +39,20 @@ def is_time_name(name: str) -> bool:
 
 
 def guess_time(table: Table) -> Column | None:
-    """The column that a reader would take as time: by its name, by its cells, or the first of a file without header."""
-    named = [c for c in table.columns if is_time_name(c.name)]
-    if named:
-        return named[0]
+    """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
+
+    Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field of a structure
+    (data.t) counts by the name of the field.
+    """
+    named = [c for c in table.columns if is_time_name(c.name) or is_time_name(c.name.rpartition(".")[2])]
+    whole = [c for c in named if not _dates_alone(c)]
+    if whole or named:
+        return (whole or named)[0]
     for column in table.columns:
         if column.cells.dtype.is_temporal():
             return column
         if column.cells.dtype == pl.String:
-            filled = [cell for cell in column.cells.head(20).to_list() if not is_missing(cell)]
+            filled = _first_cells(column)
             if filled and all(looks_like_time(cell) for cell in filled):
                 return column
     if not table.header and table.columns:
@@ -51,6 +60,16 @@ def guess_time(table: Table) -> Column | None:
         if not len(text) and len(values) > 2 and np.all(np.diff(values) > 0):
             return table.columns[0]
     return None
+
+
+def _first_cells(column: Column) -> list[str]:
+    return [cell for cell in column.cells.head(20).to_list() if not is_missing(cell)]
+
+
+def _dates_alone(column: Column) -> bool:
+    if column.cells.dtype == pl.Date:
+        return True
+    return column.cells.dtype == pl.String and all(is_date(cell) for cell in _first_cells(column))
 
 
 def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
@@ -115,24 +134,18 @@ def _from_temporal(table: Table, column: Column) -> np.ndarray:
     return (nanoseconds - nanoseconds[0]).to_numpy() / ticks
 
 
-def _timestamp(cell: str) -> datetime | None:
-    try:
-        return datetime.fromisoformat(cell)
-    except ValueError:
-        return None
-
-
 def _from_text(table: Table, column: Column, text: list[str | None], first: str) -> tuple[np.ndarray, str]:
     _no_gaps(table, column, np.array([cell is not None for cell in text]))
     clock = _CLOCK.fullmatch(first) is not None
-    read = _clock_seconds if clock else _timestamp
-    found = [read(cell or "") for cell in text]
+    found, unclear = ([_clock_seconds(cell or "") for cell in text], None) if clock else timestamps(text)
     if None in found:
         row = found.index(None)
-        kind = "a clock reading like 13:05:59.2" if clock else "an ISO timestamp like 2024-05-31T13:05:59.2"
+        kind = "a clock reading like 13:05:59.2" if clock else "a timestamp like 2024-05-31T13:05:59.2"
         raise RecordingError(f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}; correct that cell.")
     if clock:
         return _past_midnight(np.array(found, dtype=float), column)
+    if unclear:
+        raise RecordingError(f"{table.source}: time column {column.header!r}: {unclear}; write them as 2024-05-31 13:05:59.")
     start = found[0]
     try:
         values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]

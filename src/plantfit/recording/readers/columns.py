@@ -30,7 +30,7 @@ class Table:
     """Columns of equal length. `places` are the line (or row) numbers in the file, `place` their word.
 
     `decimal` is "auto", "." or ",". `left_out` says why other things of the file are not columns.
-    `header` tells whether the columns were named by the file.
+    `header` tells whether the columns were named by the file. `period` is what the file calls the seconds between rows, and how many.
     """
 
     source: str
@@ -41,6 +41,7 @@ class Table:
     header: bool = True
     log: tuple[str, ...] = ()
     left_out: dict[str, str] = field(default_factory=dict)
+    period: tuple[str, float] | None = None
 
     def where(self, row: int) -> str:
         """The file and the line of a row, for messages."""

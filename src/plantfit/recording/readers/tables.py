@@ -12,7 +12,7 @@ from plantfit.recording.readers.assemble import Options, assemble
 from plantfit.recording.readers.clock import is_time_name
 from plantfit.recording.readers.columns import Column, Table, cells_of, named_columns
 from plantfit.recording.readers.files import existing
-from plantfit.recording.readers.header import headings, is_header, unique, unit_row
+from plantfit.recording.readers.text.header import above_the_table, headings, is_header, unique, unit_row
 from plantfit.recording.readers.tried import check
 from plantfit.recording.record import Recording
 
@@ -99,8 +99,10 @@ def _sheet_table(file: Path, book: Any, sheet: str | int) -> Table:
     filled = [i for i, row in enumerate(text.iter_rows()) if any(row)]
     if not filled:
         raise RecordingError(f"{file.name}, sheet {sheet!r} holds no rows of data; choose another with sheet=.")
-    first = filled[0]
-    rows = [[cell or "" for cell in text.row(i)] for i in filled[:2]]
+    texts = [[cell or "" for cell in text.row(i)] for i in filled]
+    above = above_the_table(texts)
+    first, filled = filled[above], filled[above:]
+    rows = texts[above : above + 2]
     named = is_header(rows[0])
     units = unit_row(rows[1]) if named and len(rows) > 1 else None
     start = first if not named else (filled[1] + 1 if units else first + 1)

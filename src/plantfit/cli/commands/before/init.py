@@ -1,149 +1,191 @@
-"""`plantfit init`: look at a recording and write a commented study file that runs."""
+"""`plantfit init`: look at a recording, say what its columns seem to be, and write a commented study file that runs."""
 
-import json as encoder
 import os
+import re
+import sys
+import unicodedata
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, quoted, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import RecordingError, SpecError
 
-TEMPLATE = """\
-# A study for plantfit, made by `plantfit init {file}`. Run it with:  plantfit run {spec}
-# It holds a first-order model with dead time between one input and one output: a start that runs.
-# Change the equations to your plant; `plantfit check {spec}` tells what it understands.
+if TYPE_CHECKING:
+    from plantfit.recording.description import ColumnSummary, Description
+    from plantfit.recording.roles import Role, Roles
 
-name = {name}
-
-# ---- what was measured ----------------------------------------------------------------------
-# Columns of the file:
-{columns}
-[recording.data]
-file = {path}
-{time}signals = {{ {input} = {input_header}, {output} = {output_header} }}
-{units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
-# skip = 0.0           # seconds at the start of each part that are simulated but not scored
-# clean = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
-#          {{ step = "fill_gaps", signal = "{input}", longest = {gap:.3g} }}]
-
-# ---- how the plant works --------------------------------------------------------------------
-# Library models instead: kind = "dc_motor" (see `plantfit models`).
-[model]
-equations = \"\"\"
-x' = (K * (delay({input}, L) - {input}0) - x) / tau
-{output} = x
-\"\"\"
-inputs = {{ {input} = {input_unit} }}
-states = {{ x = {{ unit = {output_unit}, initial = "{output}" }} }}     # starts at the first measured value
-outputs = {{ {output} = {output_unit} }}
-
-# ---- what is unknown, and within which bounds --------------------------------------------------
-[parameters.K]         # static gain
-bounds = [{k_low:.3g}, {k_high:.3g}]
-{k_unit}
-[parameters.{input}0]        # input at which the output rests at zero
-bounds = [{u_low:.4g}, {u_high:.4g}]
-{u_unit}
-[parameters.tau]       # time constant
-bounds = [{tau_low:.3g}, {tau_high:.3g}]
-scale = "log"
-unit = "s"
-
-[parameters.L]         # dead time
-bounds = [0.0, {delay:.3g}]
-unit = "s"
-
-# ---- what the instruments may be wrong by: intervals allow for it (docs/study-file.md) ------------
-# [uncertainty.sensor]
-# of = "{output}"
-# kind = "gain"          # of the reading; or "offset", "zero", "full scale"
-# limit = 1.0            # half width from the data sheet
-# unit = "%"
-
-# ---- how to search ---------------------------------------------------------------------------
-[search]
-methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`
-runs = 1
-seed = 1
-"""
+_TOLD = {"set point": "left out", "copy": "left out", "text": "left out", "empty": "left out", "index": "left out", "constant": "left out"}
 
 
-def init(file: str, place: str | None, force: bool, json: bool) -> None:
-    """Write a study file beside a recording (or at `place`)."""
-    from plantfit import recording as rec
-    from plantfit.rig.board.rows import BOOKKEEPING
+def init(
+    file: str, place: str | None, force: bool, json: bool, inputs: Sequence[str] = (), outputs: Sequence[str] = (), yes: bool = False,
+    candidates: bool = False,
+) -> None:  # fmt: skip
+    """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and compare them."""
+    from plantfit.recording.description import described
+    from plantfit.recording.readers.any_format import table
+    from plantfit.recording.roles import roles_of
 
-    found = rec.describe(file)
     source = Path(file)
     name = source.name.split(".")[0]
     target = Path(place) if place else source.with_name(f"{name}.toml")
-    if target.exists() and not force:
-        raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
-    recorded = {*BOOKKEEPING} <= {c.name for c in found.columns}  # by `plantfit record`
-    signals = [c for c in found.columns if not (recorded and c.name in BOOKKEEPING)]
-    numbers = [c for c in signals if c.kind == "number" and c.minimum is not None and c.maximum is not None and c.minimum < c.maximum]
-    if len(numbers) < 2:
-        raise RecordingError(
-            f"{source.name}: a study needs an input and an output, two columns of changing numbers beside the time; "
-            f"found {[c.header for c in numbers]}."
-        )
+    kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
+    targets: dict[Kind, Path] = {kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds}
+    there = next((t for t in targets.values() if t.exists()), None)
+    if there is not None and not force:
+        raise SpecError(f"{str(there)!r} exists already; give another name with --out, or --force to overwrite it.")
+    content = table(file)
+    found, roles = described(content), roles_of(content)
     if found.problem:
         raise RecordingError(found.problem)
-    u, y = numbers[0], numbers[-1]
-    own = {u: _symbol(u.name, "u"), y: _symbol(y.name, "y")}
-    if own[u] == own[y]:
-        own[u], own[y] = "u", "y"
+    known = {c.header: c for c in found.columns}
+    ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
+    if not json:
+        _tell(source.name, found, roles)
+    chosen_in, chosen_out = _chosen(source.name, roles, known, inputs, outputs, ask)
+    links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
-    duration = period * max(found.rows - 1, 1)
-    text = TEMPLATE.format(
-        file=source.name,
-        spec=target.name,
-        name=_quoted(name),
-        path=_quoted(os.path.relpath(source, target.parent)),
-        columns="".join(f"#   {_column(c)}\n" for c in found.columns),
-        time=f"time = {_key(found.time)}\n"
+    told = [f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)]
+    clock = (
+        f"time = {quoted(found.time)}"
         if found.time is not None
-        else "period = 1.0           # seconds between rows: no time column was found, put yours\n",
-        units=_units({own[c]: c.unit for c in (u, y) if c.unit}),
-        input=own[u],
-        output=own[y],
-        input_header=_key(u.header),
-        output_header=_key(y.header),
-        input_unit=_quoted(u.unit or "1"),
-        output_unit=_quoted(y.unit or "1"),
-        gap=5 * period,
-        k_unit=_unit_line(f"({y.unit})/({u.unit})" if u.unit and y.unit else y.unit or (f"1/({u.unit})" if u.unit else None)),
-        u_unit=_unit_line(u.unit),
-        **_bounds(u, y, period, duration),
+        else f"period = {period:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
     )
-    _checked(text, target)
-    target.write_text(text, encoding="utf-8")
+    for kind, to in targets.items():
+        path = os.path.relpath(source, to.parent)
+        text = study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
+                          period * max(found.rows - 1, 1))  # fmt: skip
+        _checked(text, to)
+        to.write_text(text, encoding="utf-8")
+    if candidates:
+        return _compared(list(targets.values()), json)
     if json:
-        return print_json({"file": str(target), "input": own[u], "output": own[y], "period": found.period, "rows": found.rows})
-    for c in found.columns:
-        out.print(f"  {_column(c)}", markup=False)
-    out.print(f"input {own[u]} <- {u.header!r}, output {own[y]} <- {y.header!r}; change them in the file if that is wrong.", markup=False)
-    out.print(f"Written: {target}\nNext: plantfit run {target}", markup=False)
+        return print_json(_record(str(target), links, found, roles))
+    for link in links:
+        out.print(f"{link.output.symbol} answers to {' and '.join(u.symbol for u in link.inputs)}.", markup=False)
+    unsure = [r for r in roles.unsure if r.kind in ("input", "output")]
+    if unsure and not (inputs or outputs):
+        listed = ", ".join(f"{r.header!r} ({r.kind})" for r in unsure)
+        out.print(f"Not sure of {listed}: change it in the file, or name them with --input and --output.", markup=False)
+    if found.time is None and not found.period:
+        out.print("No time column was found: put the seconds between rows where the file says period = 1.0.", markup=False)
+    out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
+    out.print(f"Next: plantfit check {target}", markup=False)
+
+
+_NO_TIME = " # seconds between rows: no time column was found, put yours"
+
+
+def _tell(source: str, found: "Description", roles: "Roles") -> None:
+    clock = f", {found.period:.4g} s apart" if found.period else ""
+    out.print(f"{source}: {found.rows} rows{clock}", markup=False)
+    width = min(32, max(len(c.header) for c in roles.columns))
+    for summary, role in zip(found.columns, roles.columns, strict=True):
+        out.print(f"  {role.header[:40]:<{width}}  {_words(role)}{_range(summary)}", markup=False)
+
+
+def _words(role: "Role") -> str:
+    kind = _TOLD.get(role.kind, role.kind)
+    return f"{kind}, {role.why}" if role.why else kind
+
+
+def _range(c: "ColumnSummary") -> str:
+    if c.minimum is None or c.minimum == c.maximum:
+        return ""
+    return f"; {c.minimum:g} to {c.maximum:g}" + (f", {c.missing} missing" if c.missing else "")
+
+
+def _unit(c: "ColumnSummary") -> str:
+    return f" [{c.unit}]" if c.unit else ""
+
+
+def _chosen(
+    source: str, roles: "Roles", known: dict[str, Any], inputs: Sequence[str], outputs: Sequence[str], ask: bool
+) -> tuple[list[str], list[str]]:
+    """Headers of the inputs and outputs: what the user said, answers to a question, or what they seem to be."""
+    from plantfit.rig.board.rows import BOOKKEEPING
+
+    recorded = {*BOOKKEEPING} <= {r.name for r in roles.columns}  # by `plantfit record`
+    usable = [r for r in roles.columns if known[r.header].minimum is not None and not (recorded and r.name in BOOKKEEPING)]
+    moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
+    if len(moving) < 2:
+        raise RecordingError(
+            f"{source}: a study needs an input and an output, two columns of changing numbers beside the time; "
+            f"found {[r.header for r in moving]}."
+        )
+    said_in, said_out = _named(source, inputs, usable), _named(source, outputs, usable)
+    guessed = {kind: [r.header for r in moving if r.kind == kind] for kind in ("input", "output")}
+    own_in = said_in or [h for h in guessed["input"] if h not in said_out]
+    own_out = said_out or [h for h in guessed["output"] if h not in own_in]
+    rest = [r.header for r in moving if r.header not in (*own_in, *own_out)]
+    own_in, own_out = own_in or rest[:1], own_out or [h for h in rest if h not in own_in][-1:]
+    if ask and not (inputs and outputs) and any(r.header in (*own_in, *own_out) for r in roles.unsure):
+        own_in = _asked("Inputs", own_in, usable, source)
+        own_out = _asked("Outputs", [h for h in own_out if h not in own_in] or [h for h in rest if h not in own_in], usable, source)
+    both = {*own_in} & {*own_out}
+    if both or not own_in or not own_out:
+        what = f"{sorted(both)[0]!r} is named as input and output" if both else f"no {'output' if own_in else 'input'} is left"
+        raise RecordingError(f"{source}: {what}; name inputs with --input and outputs with --output.")
+    return own_in, own_out
+
+
+def _named(source: str, wanted: Sequence[str], usable: "list[Role]") -> list[str]:
+    found = []
+    for word in wanted:
+        match = next((r.header for r in usable if word in (r.header, r.name)), None)
+        if match is None:
+            raise RecordingError(f"{source} has no column of numbers {word!r}; it has {[r.header for r in usable]}.")
+        found.append(match)
+    return list(dict.fromkeys(found))
+
+
+def _asked(what: str, guess: list[str], usable: "list[Role]", source: str) -> list[str]:
+    """What the user answers in the terminal; an empty line takes the guess."""
+    while True:
+        try:
+            line = input(f"{what}, with commas between [{', '.join(guess)}]: ").strip()
+        except EOFError:
+            return guess
+        if not line:
+            return guess
+        try:
+            return _named(source, [word.strip() for word in line.split(",") if word.strip()], usable)
+        except RecordingError as error:
+            out.print(str(error), markup=False)
+
+
+def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str], outputs: list[str]) -> list[Link]:
+    symbols: dict[str, str] = {}
+    by_header = {r.header: r for r in roles.columns}
+    for k, header in enumerate((*inputs, *outputs)):
+        spare = ("u" if header in inputs else "y") + (str(k + 1) if len(inputs) + len(outputs) > 2 else "")
+        symbol = _symbol(by_header[header].name, spare)
+        while symbol in symbols.values():
+            symbol = f"{symbol}_"
+        symbols[header] = symbol
+
+    def signal(header: str) -> Signal:
+        c = known[header]
+        if c.minimum is None or c.maximum is None or c.minimum == c.maximum:
+            raise RecordingError(f"Column {header!r} never moves, so that nothing can be said of it; name another.")
+        first = float(c.first_number if c.first_number is not None else c.minimum)
+        return Signal(symbols[header], header, c.unit, c.minimum, c.maximum, first)
+
+    signals = {h: signal(h) for h in (*inputs, *outputs)}
+    links = []
+    for header in outputs:
+        answers = [h for h in by_header[header].answers if h in inputs] or inputs
+        links.append(Link(signals[header], tuple(signals[h] for h in inputs if h in answers)))
+    return links
 
 
 def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
-    taken = {"x", "K", "L", "tau", "t", "e", "pi"}
-    return name if name.isidentifier() and name not in taken else spare
-
-
-def _bounds(u, y, period: float, duration: float) -> dict[str, float]:
-    span_u, span_y = u.maximum - u.minimum, y.maximum - y.minimum
-    gain = 20 * span_y / span_u
-    reach = span_u + abs(u.minimum) + abs(u.maximum)
-    return {
-        "k_low": -gain,
-        "k_high": gain,
-        "u_low": u.minimum - reach,
-        "u_high": u.maximum + reach,
-        "tau_low": period / 5,
-        "tau_high": duration,
-        "delay": max(duration / 20, 5 * period),
-    }
+    taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*|t|e|pi", name)
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()  # a bare key of TOML has no accents
+    return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 
 def _checked(text: str, target: Path) -> None:
@@ -153,25 +195,26 @@ def _checked(text: str, target: Path) -> None:
     spec.parse(text, target)
 
 
-def _column(c) -> str:
-    unit = f" [{c.unit}]" if c.unit else ""
-    values = f"{c.minimum:g} .. {c.maximum:g}" if c.minimum is not None else f"text, for example {c.first[0]!r}" if c.first else "empty"
-    return f"{c.header!r}{unit}: {c.kind}, {values}" + (f", {c.missing} missing" if c.missing else "")
+def _compared(files: list[Path], json: bool) -> None:
+    """What `plantfit compare` says of the candidates."""
+    from plantfit.cli.commands.comparing.models import compare_models
+
+    given = [str(f) for f in files]
+    if not json:
+        out.print(f"Written: {', '.join(given)}\nComparing them: plantfit compare {' '.join(given)}", markup=False)
+    page = str(files[0].with_name(files[0].stem.removesuffix("-first") + "-candidates.html"))
+    compare_models(given, given, os.environ.get("PLANTFIT_STORE", "plantfit.db"), page, True, None, json)
 
 
-def _quoted(text: str) -> str:
-    return encoder.dumps(text, ensure_ascii=False)
-
-
-def _key(header: str | None) -> str:
-    return _quoted(str(header))
-
-
-def _units(units: dict[str, str]) -> str:
-    if not units:
-        return "# units = { ... }      # for columns whose header gives none\n"
-    return ""
-
-
-def _unit_line(unit: str | None) -> str:
-    return f"unit = {_quoted(unit)}\n" if unit else ""
+def _record(target: str, links: list[Link], found: "Description", roles: "Roles") -> dict[str, Any]:
+    inputs = list(dict.fromkeys(u.symbol for link in links for u in link.inputs))
+    return {
+        "file": target,
+        "input": inputs[0],
+        "output": links[-1].output.symbol,
+        "inputs": inputs,
+        "outputs": [link.output.symbol for link in links],
+        "period": found.period,
+        "rows": found.rows,
+        "columns": [{"header": r.header, "role": r.kind, "why": r.why, "sure": r.sure} for r in roles.columns],
+    }

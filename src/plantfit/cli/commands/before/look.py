@@ -61,6 +61,10 @@ def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[
     moving = list(read.signals)
     if len(moving) < 2:
         raise RecordingError(f"{path} has the signals {moving}; a first look needs an input and an output.")
-    taken = {*inputs, *outputs}
-    left = [s for s in moving if s not in taken]
-    return read, list(inputs) or left[:1], list(outputs) or left[-1:], None
+    from plantfit.recording.roles import guess_roles
+
+    roles = {r.name: r for r in guess_roles(path).columns if r.name in read.signals}
+    own_in = list(inputs) or [n for n, r in roles.items() if r.kind == "input" and n not in outputs]
+    own_out = list(outputs) or [n for n, r in roles.items() if r.kind == "output" and n not in own_in]
+    left = [s for s in moving if s not in (*own_in, *own_out)]
+    return read, own_in or left[:1], own_out or left[-1:], None

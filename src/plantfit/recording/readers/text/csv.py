@@ -16,13 +16,14 @@ from plantfit.recording.readers.assemble import Options, assemble
 from plantfit.recording.readers.clock import looks_like_time
 from plantfit.recording.readers.columns import Table, named_columns
 from plantfit.recording.readers.files import decoded, existing, read_bytes
-from plantfit.recording.readers.header import headings, is_header, unique, unit_row
 from plantfit.recording.readers.numbers import is_missing, is_number
-from plantfit.recording.readers.plain_text import ENOUGH, head_of, plain_frame
+from plantfit.recording.readers.text.header import above_the_table, headings, is_header, unique, unit_row
+from plantfit.recording.readers.text.plain_text import ENOUGH, head_of, plain_frame
 from plantfit.recording.record import Recording
 
 COMMENTS = ("#", "%", "//")
 LOG_MARK = "# plantfit log: "
+FIRST_LINES = 200  # in which the table begins
 _DELIMITERS = ("\t", ";", "|", ",", " ")
 _NAMES = {"\t": "tab", " ": "white space"}
 
@@ -95,11 +96,15 @@ class _Top:
 
 def _top(found: _Lines, delimiter: str | None, decimal: str, header: bool | None) -> _Top:
     separator = delimiter or _sniff(found.lines, allow_comma=decimal != ",")
-    rows = _fields_of(found.lines[:3], separator)
+    rows = _fields_of(found.lines[:FIRST_LINES], separator)
+    above = above_the_table(rows) if header is None else 0
+    rows = rows[above : above + 3]
     story = [line[len(LOG_MARK) :] for line in found.leading if line.startswith(LOG_MARK)]
     log = [f"{found.comments} comment lines were skipped."] if found.comments else []
-    names, units, first = _header(rows, header, found, separator, log)
-    return _Top(separator, rows, names, units, first, log, story)
+    if above:
+        log.append(f"{above} lines above the table were skipped.")
+    names, units, first = _header(rows, header, found, separator, log, above)
+    return _Top(separator, rows, names, units, above + first, log, story)
 
 
 def _quickly(source: str, data: bytes, delimiter: str | None, decimal: str, header: bool | None, skip: int) -> Table | None:
@@ -199,9 +204,9 @@ def _sniff(lines: list[str], allow_comma: bool) -> str:
 
 
 def _header(
-    rows: list[list[str]], header: bool | None, found: _Lines, separator: str, log: list[str]
+    rows: list[list[str]], header: bool | None, found: _Lines, separator: str, log: list[str], above: int
 ) -> tuple[list[str] | None, list[str | None] | None, int]:
-    """(names or None, units or None, index of the first row of data)."""
+    """(names or None, units or None, index of the first row of data among `rows`, which begin `above` lines down)."""
     if header is False or (header is None and not is_header(rows[0])):
         names = _commented_header(found, separator, len(rows[0])) if header is None else None
         log.append("Column names from the comment above the data." if names else "The file names no columns; they are called 0, 1, ...")
@@ -210,7 +215,7 @@ def _header(
     units = unit_row(rows[1]) if len(rows) > 1 and len(rows[1]) == width else None
     if units is None:
         return rows[0], None, 1
-    log.append(f"Units from line {found.numbers[1]}.")
+    log.append(f"Units from line {found.numbers[above + 1]}.")
     return rows[0], units, 2
 
 

@@ -1,0 +1,176 @@
+"""The text of a first study file: linear models between the inputs and outputs of a recording, with comments and bounds from the data."""
+
+import json as encoder
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["first", "dead_time", "second"]
+WORDS: dict[Kind, str] = {
+    "first": "first order",
+    "dead_time": "first order with dead time",
+    "second": "second order (two lags) with dead time",
+}
+
+_TEMPLATE = """\
+# A study for plantfit, made by `plantfit init {source}`. Run it with:  plantfit run {spec}
+# Its model is of {words}: a start that runs. Change the equations to your plant;
+# `plantfit check {spec}` tells what it understands.
+
+name = {name}
+
+# ---- what was measured ----------------------------------------------------------------------
+# Columns of the file:
+{columns}
+[recording.data]
+file = {path}
+{time}
+signals = {{ {signals} }}
+{units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
+# before = {{ {input} = {first:.4g} }}    # the input before the first sample, where it was another than the first value
+# skip = 0.0           # seconds at the start of each part that are simulated but not scored
+# clean = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
+#          {{ step = "fill_gaps", signal = "{input}", longest = {gap:.3g} }}]
+
+# ---- how the plant works --------------------------------------------------------------------
+# Library models instead: kind = "dc_motor" (see `plantfit models`).
+[model]
+equations = \"\"\"
+{equations}
+\"\"\"
+inputs = {{ {inputs} }}
+states = {{ {states} }}
+outputs = {{ {outputs} }}
+
+# ---- what is unknown, and within which bounds --------------------------------------------------
+{parameters}
+# ---- what the instruments may be wrong by: intervals allow for it (docs/study-file.md) ------------
+# [uncertainty.sensor]
+# of = "{output}"
+# kind = "gain"          # of the reading; or "offset", "zero", "full scale"
+# limit = 1.0            # half width from the data sheet
+# unit = "%"
+
+# ---- how to search ---------------------------------------------------------------------------
+[search]
+methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`
+runs = 1
+seed = 1
+"""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value."""
+
+    symbol: str
+    header: str
+    unit: str | None
+    low: float
+    high: float
+    first: float
+
+
+@dataclass(frozen=True)
+class Link:
+    """An output and the inputs that it answers to."""
+
+    output: Signal
+    inputs: tuple[Signal, ...]
+
+
+def study_text(
+    kind: Kind, links: Sequence[Link], source: str, path: str, spec: str, name: str, columns: Sequence[str], time: str, period: float,
+    duration: float,
+) -> str:  # fmt: skip
+    """A study file of one model of `kind` for each output.
+
+    `path` is that of the recording as the file sees it, `time` the line of its clock, `columns` what is told of each column; `period` and
+    `duration` are in s.
+    """
+    inputs = list({s.symbol: s for link in links for s in link.inputs}.values())
+    outputs = [link.output for link in links]
+    plants = [_Plant(kind, link, str(k) if len(links) > 1 else "", inputs, period, duration) for k, link in enumerate(links, 1)]
+    states = [(x, p) for p in plants for x in p.states]
+    bare = not any(s.unit for s in (*inputs, *outputs))
+    return _TEMPLATE.format(
+        source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name), path=quoted(path),
+        time=time, gap=5 * period,
+        columns="".join(f"#   {c}\n" for c in columns),
+        signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in (*inputs, *outputs)),
+        units="# units = { ... }      # for columns whose header gives none\n" if bare else "",
+        input=inputs[0].symbol, first=inputs[0].first, output=outputs[0].symbol,
+        equations="\n".join(line for p in plants for line in p.equations),
+        inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
+        outputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in outputs),
+        states=", ".join(f"{x} = {{ unit = {quoted(p.link.output.unit or '1')}, initial = \"{p.start}\" }}" for x, p in states),
+        parameters="".join(p.parameters for p in plants),
+    )  # fmt: skip
+
+
+def quoted(text: str) -> str:
+    """A text as TOML has it."""
+    return encoder.dumps(text, ensure_ascii=False)
+
+
+class _Plant:
+    """One output's equations and parameters; with several outputs these carry its `number`, and gains that of the input too, as in K12."""
+
+    def __init__(self, kind: Kind, link: Link, number: str, inputs: Sequence[Signal], period: float, duration: float) -> None:
+        self.link, self.kind, self.number, self.period, self.duration = link, kind, number, period, duration
+        places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.inputs]
+        self.gains = [f"K{number}{place}" for place in places]
+
+    @property
+    def states(self) -> list[str]:
+        return [f"{n}{self.number}" for n in (("z", "x") if self.kind == "second" else ("x",))]
+
+    @property
+    def start(self) -> str:
+        return f"start{self.number}"
+
+    @property
+    def equations(self) -> list[str]:
+        late = [u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})" for u in self.link.inputs]
+        goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"rest{self.number}"])
+        x, y = f"x{self.number}", self.link.output.symbol
+        if self.kind == "second":
+            z = f"z{self.number}"
+            return [f"{z}' = ({goal} - {z}) / tau{self.number}", f"{x}' = ({z} - {x}) / lag{self.number}", f"{y} = {x}"]
+        return [f"{x}' = ({goal} - {x}) / tau{self.number}", f"{y} = {x}"]
+
+    @property
+    def parameters(self) -> str:
+        y = self.link.output
+        span, reach = y.high - y.low, 0.0
+        text = ""
+        for name, u in zip(self.gains, self.link.inputs, strict=True):
+            wide = u.high - u.low
+            gain = 20 * span / wide
+            reach = max(reach, max(abs(u.low), abs(u.high)) / wide)
+            told = f"static gain from {u.symbol} to {y.symbol}"
+            text += _parameter(name, told, -gain, gain, _ratio(y.unit, u.unit))
+        room = span * (1 + 5 * reach)
+        text += _parameter(f"rest{self.number}", f"where {y.symbol} rests without input", y.low - room, y.high + room, y.unit)
+        # the first measured value would bring its noise into every parameter
+        text += _parameter(self.start, f"{y.symbol} at the first sample", y.first - span, y.first + span, y.unit)
+        for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:
+            text += _parameter(name, f"time constant of {y.symbol}", self.period / 5, self.duration, "s", log=True)
+        if self.kind != "first":
+            text += _parameter(f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s")
+        return text
+
+
+def _parameter(name: str, told: str, low: float, high: float, unit: str | None, log: bool = False) -> str:
+    lines = [f"{f'[parameters.{name}]':<22} # {told}", f"bounds = [{low:.4g}, {high:.4g}]"]
+    lines += ['scale = "log"'] * log + ([f"unit = {quoted(unit)}"] if unit else [])
+    return "\n".join(lines) + "\n\n"
+
+
+def _ratio(over: str | None, under: str | None) -> str | None:
+    def part(unit: str, below: bool) -> str:
+        return f"({unit})" if any(c in unit for c in ("*/ " if below else " ")) else unit
+
+    if over and under:
+        return None if over == under else f"{part(over, False)}/{part(under, True)}"
+    return part(over, False) if over else f"1/{part(under, True)}" if under else None

@@ -1,0 +1,1 @@
+"""Text tables: how they begin, the careful way and the quick one."""

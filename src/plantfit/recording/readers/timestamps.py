@@ -1,0 +1,84 @@
+"""Dates with clock readings as loggers write them: ISO, day first, month first, with a decimal comma, with AM and PM."""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from itertools import pairwise
+from typing import Literal
+
+Order = Literal["ymd", "dmy", "mdy"]
+_LOCAL = re.compile(
+    r"(?P<a>\d{1,4})(?P<mark>[./-])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{2,4})[ T,;]+"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,:](?P<part>\d{1,9}))?)?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+)
+_DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{2,4}")
+
+
+def is_date(cell: str) -> bool:
+    """Whether a text is a date without a clock reading."""
+    return _DATE.fullmatch(cell.strip()) is not None
+
+
+def is_timestamp(cell: str) -> bool:
+    """Whether a text is a date with a clock reading, in any order of day and month."""
+    cell = cell.strip()
+    return _iso(cell) is not None or any(_local(cell, order) is not None for order in ("ymd", "dmy", "mdy"))
+
+
+def timestamps(cells: Sequence[str | None]) -> tuple[list[datetime | None], str | None]:
+    """(readings, None where a cell is none; why the order of day and month is not known, or None).
+
+    ISO 8601 is read first. Where day and month may be exchanged, the order is the one in which every cell is a date; where both are, the
+    one in which the record takes less time without going back.
+    """
+    iso = [_iso(cell or "") for cell in cells]
+    if cells and iso[0] is not None:
+        return iso, None
+    first = _LOCAL.fullmatch((cells[0] or "").strip()) if cells else None
+    if first is None:
+        return [None] * len(cells), None
+    orders: tuple[Order, ...] = ("ymd",) if len(first["a"]) == 4 else ("dmy",) if first["mark"] == "." else ("mdy", "dmy")
+    read = {order: [_local(cell or "", order) for cell in cells] for order in orders}
+    whole = {order: found for order, found in read.items() if None not in found}
+    if len(whole) < 2:
+        return next(iter((whole or read).values())), None
+    took = {order: _span(found) for order, found in whole.items()}
+    order = min(whole, key=lambda o: took[o])
+    one, other = took.values()
+    unclear = one == other and one > timedelta(days=1)
+    return whole[order], "day and month can be exchanged in all of its dates" if unclear else None
+
+
+def _span(found: Sequence[datetime | None]) -> timedelta:
+    steps = [b - a for a, b in pairwise(found) if a is not None and b is not None]
+    return sum((abs(step) for step in steps), timedelta())
+
+
+def _iso(cell: str) -> datetime | None:
+    if not re.match(r"\d{4}-\d\d-\d\d", cell):
+        return None
+    try:
+        return datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+
+
+def _local(cell: str, order: str) -> datetime | None:
+    found = _LOCAL.fullmatch(cell.strip())
+    if found is None:
+        return None
+    parts = dict(zip(order, (found["a"], found["b"], found["c"]), strict=True))
+    if len(parts["d"]) > 2 or len(parts["m"]) > 2 or len(parts["y"]) == 3:
+        return None
+    hour, half = int(found["hour"]), (found["half"] or "").lower()
+    if half:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + (12 if half[0] == "p" else 0)
+    year = int(parts["y"]) + (2000 if len(parts["y"]) == 2 else 0)
+    fraction = (found["part"] or "0").ljust(9, "0")
+    try:
+        whole = datetime(year, int(parts["m"]), int(parts["d"]), hour, int(found["minute"]), int(found["second"] or 0))
+    except ValueError:
+        return None
+    return whole + timedelta(microseconds=round(int(fraction) / 1000))

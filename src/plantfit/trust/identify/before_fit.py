@@ -1,0 +1,261 @@
+"""Before any fit: how many combinations of the parameters the records can determine, in symbols, and what would have to be known."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations as choices
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from plantfit.errors import PlantfitError
+from plantfit.problem.problem import Problem
+from plantfit.trust.verdict.words import some
+
+POINTS = 8  # of the box
+MOST = 40  # coordinates
+RANK = 1e-8  # of the largest singular value of the sensitivities, each normed
+SAME = 1e-6  # by which directions of points may differ that are the same
+TOGETHER = 5  # parameters of one combination at most
+SUBSETS = 20000
+NOISE = 0.01  # of each output's standard deviation, for what is told of precision
+ROUGH = 0.5  # relative standard error from which on a parameter is only roughly known
+
+
+@dataclass(frozen=True)
+class BeforeFit:
+    """What records can determine of the free parameters `names`, the true values being unknown.
+
+    `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas of those that
+    are not, `unseen` parameters without any effect. `open` are the parameters of which only combinations are determined, and each of
+    `fix` is a set of them that makes the others determined. `rough` maps parameters that noise of 1 % would leave roughly known to their
+    median relative standard error. `points` were tried, `lost` of them could not be simulated.
+    """
+
+    names: tuple[str, ...]
+    rank: int
+    alone: tuple[str, ...]
+    together: tuple[str, ...]
+    open: tuple[str, ...]
+    unseen: tuple[str, ...]
+    fix: tuple[tuple[str, ...], ...]
+    rough: dict[str, float]
+    points: int
+    lost: int
+
+    @property
+    def sentences(self) -> list[tuple[str, str]]:
+        """(level, sentence): "info" where all can be determined, else "warning"."""
+        return list(_sentences(self))
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """As a plain record, with the sentences."""
+        return {
+            "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together), "open": list(self.open),
+            "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points, "lost": self.lost,
+            "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
+        }  # fmt: skip
+
+
+def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFit | None:
+    """What the fitted samples of a problem can determine; None for more than `MOST` coordinates or where too few points can be simulated.
+
+    The rank is that of the exact sensitivities by the logarithms of the parameters, the largest over `points` random points of the box
+    (numpy's generator of `key`): what cannot be told apart anywhere cannot be told apart. A combination is named where its formula holds
+    at all points: a product of powers where the open directions are the same in logarithms, a weighted sum where they are the same in
+    the parameters themselves (Bellman and Astrom 1970, Mathematical Biosciences 7, for the notion; Stigter and Molenaar 2015, Automatica
+    58, for the rank of sensitivities).
+    """
+    space = problem.space
+    d = space.dimension
+    if not 1 <= d <= MOST or len({*space.names}) < d:
+        return None
+    own = problem.with_scales({o: NOISE * _spread(problem, o) for o in problem.outputs})
+    try:
+        found = [_at(own, z) for z in np.random.default_rng(key).uniform(0.02, 0.98, (points, d))]
+    except PlantfitError:
+        return None
+    good = [f for f in found if f is not None]
+    if len(good) < max(3, points // 2):
+        return None
+    effect = np.max([np.linalg.norm(j, axis=0) for _, j in good], axis=0) > 0
+    seen = np.flatnonzero(effect)
+    open_ = [_open(j[:, seen]) for _, j in good]
+    rank = max(len(seen) - n.shape[1] for n in open_)
+    used = [(p[seen], n, j[:, seen]) for (p, j), n in zip(good, open_, strict=True) if len(seen) - n.shape[1] == rank]
+    names = [space.names[i] for i in seen]
+    alone, together = _named(names, used, rank)
+    weights = np.max([np.max(np.abs(n), axis=1, initial=0.0) for _, n, _ in used], axis=0)
+    loose = [k for k in range(len(names)) if weights[k] > SAME]
+    fix = _fixes(names, [n for _, n, _ in used], loose)
+    held = {*fix[0]} if fix else set()
+    return BeforeFit(
+        tuple(space.names), rank, tuple(alone), tuple(together), tuple(names[k] for k in loose),
+        tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points, points - len(good),
+    )  # fmt: skip
+
+
+def _spread(problem: Problem, output: str) -> float:
+    values = np.concatenate([np.asarray(e.recording[output]) for e in problem.experiments.values() if output in e.recording.signals])
+    spread = float(np.nanstd(values))
+    return spread if spread > 0 else 1.0
+
+
+def _at(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """(values (d,), sensitivities (k, d) of residuals whose noise is 1 by the logarithms of the values), None where not finite."""
+    r, jacobian = problem.compressed(z)
+    count = sum(len(block[0]) for block in problem.blocks(z))
+    if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
+        return None
+    space, p = problem.space, np.asarray(problem.space.physical(z))
+    by_log = np.array(
+        [1 / np.log(c.upper / c.lower) if c.log else v / (c.upper - c.lower) for c, v in zip(space.coordinates, p, strict=True)]
+    )
+    return p, jacobian * by_log * np.sqrt(count / len(r))
+
+
+def _open(jacobian: np.ndarray) -> np.ndarray:
+    """An orthonormal basis (d, d - rank) of the directions in logarithms that change nothing."""
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / size, full_matrices=True)
+    singular = np.r_[singular, np.zeros(len(right) - len(singular))]
+    null = right[singular <= RANK * max(singular[0], 1e-300)].T / size[:, None]
+    return np.linalg.qr(null / np.maximum(np.linalg.norm(null, axis=0), 1e-300))[0] if null.shape[1] else null
+
+
+def _same_everywhere(bases: Sequence[np.ndarray]) -> np.ndarray | None:
+    """The basis (d, k) that spans what each of the bases spans, None where they differ."""
+    mean = np.mean([b @ b.T for b in bases], axis=0)
+    values, vectors = np.linalg.eigh(mean)
+    k = bases[0].shape[1]
+    return vectors[:, -k:] if k and np.all(values[-k:] > 1 - SAME) else None
+
+
+def _named(names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], rank: int) -> tuple[list[str], list[str]]:
+    """Parameters that are determined alone, and formulas of the other determined combinations."""
+    bases = [n for _, n, _ in used]
+    moved = np.max([np.max(np.abs(n), axis=1, initial=0.0) for n in bases], axis=0)
+    alone = [n for n, w in zip(names, moved, strict=True) if w <= SAME]
+    if rank in (len(names), len(alone)):
+        return alone, []
+    loose = [k for k in range(len(names)) if names[k] not in alone]
+    in_logs = _same_everywhere(bases)
+    if in_logs is not None:
+        return alone, [_product(w, names) for w in _circuits(in_logs, loose, rank - len(alone))]
+    by_value = [np.linalg.qr(n * p[:, None])[0] for p, n, _ in used]
+    in_values = _same_everywhere(by_value)
+    if in_values is not None:
+        return alone, [_sum(w, names) for w in _circuits(in_values, loose, rank - len(alone))]
+    return alone, []
+
+
+def _circuits(null: np.ndarray, loose: Sequence[int], wanted: int) -> Iterator[dict[int, float]]:
+    """Independent weights (by place) of the fewest parameters that stand at right angles to all open directions."""
+    kept = np.zeros((0, len(null)))
+    for subset in islice((s for size in range(2, TOGETHER + 1) for s in choices(loose, size)), SUBSETS):
+        if len(kept) >= wanted:
+            return
+        block = null[list(subset)]
+        _, singular, right = np.linalg.svd(block.T, full_matrices=True)
+        singular = np.r_[singular, np.zeros(len(subset) - len(singular))]
+        if np.sum(singular < 1e-6) != 1:
+            continue
+        weights = right[-1]
+        if np.min(np.abs(weights)) < 1e-3 * np.max(np.abs(weights)):
+            continue
+        first = weights / weights[np.argmax(np.abs(weights) > 1e-6)]
+        weights = _whole(first)
+        row = np.zeros(len(null))
+        row[list(subset)] = weights
+        if np.linalg.matrix_rank(np.vstack([kept, row / np.linalg.norm(row)]), tol=1e-6) == len(kept) + 1:
+            kept = np.vstack([kept, row / np.linalg.norm(row)])
+            yield dict(zip(subset, weights.tolist(), strict=True))
+
+
+def _whole(weights: np.ndarray) -> np.ndarray:
+    """The weights as small whole numbers where they are, else as they stand."""
+    for factor in range(1, 13):
+        trial = weights * factor
+        if np.all(np.abs(trial - np.round(trial)) < 1e-4 * factor) and np.max(np.abs(trial)) <= 30:
+            return np.round(trial)
+    return weights
+
+
+def _product(weights: dict[int, float], names: Sequence[str]) -> str:
+    flip = -1 if sum(w > 0 for w in weights.values()) < sum(w < 0 for w in weights.values()) else 1
+    up = [_power(names[k], flip * w) for k, w in weights.items() if flip * w > 0]
+    down = [_power(names[k], -flip * w) for k, w in weights.items() if flip * w < 0]
+    below = f"/{down[0]}" if len(down) == 1 else f"/({'*'.join(down)})" if down else ""
+    return ("*".join(up) or "1") + below
+
+
+def _power(name: str, power: float) -> str:
+    return name if power == 1 else f"{name}^{power:g}"
+
+
+def _sum(weights: dict[int, float], names: Sequence[str]) -> str:
+    parts = [f"{'-' if w < 0 else '+'} {'' if abs(w) == 1 else f'{abs(w):.4g}*'}{names[k]}" for k, w in weights.items()]
+    return " ".join(parts).removeprefix("+ ")
+
+
+def _fixes(names: Sequence[str], bases: Sequence[np.ndarray], loose: Sequence[int]) -> list[tuple[str, ...]]:
+    """Smallest sets of parameters that leave no direction open once they are known, six at most."""
+    k = bases[0].shape[1]
+    if not k:
+        return []
+
+    def closes(subset: tuple[int, ...]) -> bool:
+        return all(np.linalg.svd(b[list(subset)], compute_uv=False)[-1] > 1e-4 for b in bases)
+
+    return [tuple(names[i] for i in s) for s in islice((s for s in islice(choices(loose, k), SUBSETS) if closes(s)), 6)]
+
+
+def _rough(names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], held: set[str]) -> dict[str, float]:
+    """The median over points of the relative standard error that noise of 1 % leaves, of those above `ROUGH`, with `held` known."""
+    free = [k for k, n in enumerate(names) if n not in held]
+    errors = []
+    for _, _, jacobian in used:
+        size = np.linalg.norm(jacobian[:, free], axis=0)
+        size = np.where(size > 0, size, 1e-300)
+        _, singular, right = np.linalg.svd(jacobian[:, free] / size, full_matrices=False)
+        errors.append(np.sqrt(np.sum((right.T / np.maximum(singular, 1e-12)) ** 2, axis=1)) / size)
+    median = np.median(errors, axis=0)
+    return {names[k]: float(e) for k, e in zip(free, median, strict=True) if e > ROUGH}
+
+
+def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
+    d = len(found.names)
+    tried = f"{found.points - found.lost} random points of the bounds"
+    if found.unseen:
+        does = "has" if len(found.unseen) == 1 else "have"
+        yield (
+            "warning",
+            f"{some(found.unseen)} {does} no effect on the fitted samples at any of {tried}: hold a value, or record what it acts on.",
+        )
+    if found.rank == d:
+        yield "info", f"These records can tell all {d} parameters apart (rank of the sensitivities at {tried})."
+    elif found.rank + len(found.unseen) < d:
+        told = [*found.alone, *found.together]
+        can = f"These records can determine {found.rank} of {d} at best"
+        if len(told) == found.rank:
+            what = f"{can}: {', '.join(told)}."
+        else:
+            own = f"; {some(found.alone)} by themselves" if found.alone else ""
+            what = f"{can}{own}; of {some(found.open)} only functions that are neither products of powers nor sums."
+        yield "warning", f"{what} {_advice(found)}".strip()
+    if found.rough:
+        worst = sorted(found.rough, key=lambda n: -found.rough[n])
+        known = f" with {some(found.fix[0])} known" if found.fix else ""
+        left = f"Noise of 1 % of the outputs' standard deviation would leave {some(worst)} known only to more than {100 * ROUGH:.0f} %"
+        yield "info", f"{left} at half of these points{known}."
+
+
+def _advice(found: BeforeFit) -> str:
+    if not found.fix:
+        return ""
+    if len(found.fix[0]) == 1:
+        names = [f[0] for f in found.fix]
+        return f"Hold or measure {'one of ' if len(names) > 1 else ''}{some(names, 6)}."
+    return f"Hold or measure {len(found.fix[0])} of them, such as {' and '.join(found.fix[0])}."

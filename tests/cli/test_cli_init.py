@@ -1,0 +1,135 @@
+"""`plantfit init`: files of loggers to studies that run, questions in a terminal, candidates side by side."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_call import call
+
+import plantfit
+from plantfit import spec
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
+from logger_files import STYLES, lag, prbs  # pyright: ignore[reportMissingImports]
+
+
+@pytest.mark.parametrize("style", STYLES, ids=lambda s: s.name)
+def test_every_file_gives_a_study_that_parses(style, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    style.write(tmp_path / style.name)
+    said = call(capsys, monkeypatch, "init", style.name, "--json")
+    assert said.code == 0, said.err
+    told = json.loads(said.out)
+    problem = spec.load(tmp_path / told["file"]).problem
+    headers = {c["header"]: c for c in told["columns"]}
+    assert {h for h, c in headers.items() if c["role"] == "input"} == style.inputs
+    assert len(told["inputs"]) == len(style.inputs)
+    assert set(problem.outputs) == set(told["outputs"])
+    assert len(told["outputs"]) == len(style.outputs)
+    text = (tmp_path / told["file"]).read_text("utf-8")
+    assert ("no time column was found" in text) == (style.time is None and style.period is None)
+
+
+def test_what_is_said_names_each_column_and_the_next_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    next(s for s in STYLES if s.name == "idle.csv").write(tmp_path / "idle.csv")
+    said = call(capsys, monkeypatch, "init", "idle.csv")
+    assert said.code == 0, said.err
+    assert "idle.csv: 400 rows, 1 s apart" in said.out
+    assert "Q2    left out, 0 throughout" in said.out
+    assert "T1 answers to Q1.\nT2 answers to Q1." in said.out
+    assert "Not sure" not in said.out
+    assert said.out.endswith("Next: plantfit check idle.toml\n")
+    next(s for s in STYLES if s.name == "noise.csv").write(tmp_path / "noise.csv")
+    assert "Not sure of 'AI1' (input)" in call(capsys, monkeypatch, "init", "noise.csv").out
+    assert "Not sure" not in call(capsys, monkeypatch, "init", "noise.csv", "--force", "--input", "AI1", "--output", "AI0").out
+
+
+def test_named_columns_win(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    next(s for s in STYLES if s.name == "two.csv").write(tmp_path / "two.csv")
+    said = call(capsys, monkeypatch, "init", "two.csv", "--json", "--input", "Heater_2", "--output", "Temperature 2 (degC)")
+    told = json.loads(said.out)
+    assert (told["inputs"], told["outputs"]) == (["Heater_2"], ["Temperature_2"])
+    for words, message in (
+        (["--input", "Heater 9"], "two.csv has no column of numbers 'Heater 9'; it has ["),
+        (["--input", "Heater_1", "--output", "Heater_1"], "'Heater 1 (%)' is named as input and output"),
+    ):
+        said = call(capsys, monkeypatch, "init", "two.csv", "--force", *words)
+        assert said.code == 3
+        assert message in " ".join(said.err.split())
+
+
+def test_a_hostile_file_name_stays_a_comment(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = "a\nname = 'other' #.csv"
+    next(s for s in STYLES if s.name == "plain.csv").write(tmp_path / name)
+    said = call(capsys, monkeypatch, "init", name, "--json", "--out", "made.toml")
+    assert said.code == 0, said.err
+    assert spec.load(tmp_path / "made.toml").plan.name != "other"
+
+
+def test_an_unsure_guess_is_asked_in_a_terminal(tmp_path):
+    """Two columns that tell nothing: the answer counts; a wrong name is asked again; --yes asks nothing."""
+    rng = np.random.default_rng(1)
+    a, b = (lag(rng.normal(0, 1, 400), 1.0, 8.0) for _ in range(2))
+    rows = "\n".join(f"{k},{p:.5f},{q:.5f}" for k, (p, q) in enumerate(zip(a, b, strict=True)))
+    (tmp_path / "two.csv").write_text(f"t,p,q\n{rows}\n")
+
+    def answered(lines, *words):
+        own, other = pty.openpty()
+        environment = {**os.environ, "COLUMNS": "120", "PYTHONPATH": str(Path(plantfit.__file__).parents[1])}
+        program = subprocess.Popen(
+            [sys.executable, "-m", "plantfit", "init", "two.csv", "--force", *words],
+            cwd=tmp_path, stdin=other, stdout=other, stderr=other, env=environment,
+        )  # fmt: skip
+        os.close(other)
+        os.write(own, lines.encode())
+        read = []
+
+        def listen():
+            try:
+                while chunk := os.read(own, 4096):
+                    read.append(chunk)
+            except OSError:  # the terminal is gone with the program
+                pass
+
+        thread = threading.Thread(target=listen, daemon=True)
+        thread.start()
+        assert program.wait(120) == 0
+        thread.join(5)
+        os.close(own)
+        return b"".join(read).decode()
+
+    said = answered("nothing\nq\np\n")
+    assert "has no column of numbers 'nothing'" in " ".join(said.split())
+    assert "p answers to q." in said
+    said = answered("p\nq\n")
+    assert "q answers to p." in said
+    assert "with commas between" not in answered("", "--yes")
+
+
+def test_candidates_are_fitted_and_compared(tmp_path, capsys, monkeypatch):
+    """A first-order plant with dead time: the one without is told apart, the second order is not called better."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(2)
+    u = prbs(rng, 500, 25, 0, 10)
+    y = 20 + lag(u, 1.0, 12.0, 0.8, 6) + rng.normal(0, 0.05, 500)
+    rows = "\n".join(f"{k},{p},{q:.4f}" for k, (p, q) in enumerate(zip(u, y, strict=True)))
+    (tmp_path / "plant.csv").write_text(f"t,u,y\n{rows}\n")
+    said = call(capsys, monkeypatch, "init", "plant.csv", "--candidates", "--json")
+    assert said.code == 0, said.err
+    assert {f.name for f in tmp_path.glob("*.toml")} == {f"plant-{k}.toml" for k in ("first", "dead_time", "second")}
+    told = json.loads(said.out)
+    first = told["verdict"][0]["sentence"]
+    assert first.startswith(("The data do not tell plant-dead_time.toml and plant-second.toml apart", "plant-dead_time.toml predicts"))
+    rmse = {m["name"]: m for m in told["models"]}
+    assert set(rmse) >= {"plant-first.toml", "plant-dead_time.toml", "plant-second.toml"}
+    assert "plant-first.toml" in first
+    assert (tmp_path / "plant-candidates.html").exists()

@@ -1,0 +1,190 @@
+"""What columns seem to be: thirty files of loggers, and plants without names, of which the truth is known."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from logger_files import STYLES, lag, prbs, steps
+
+from plantfit.recording import describe, read
+from plantfit.recording.readers.any_format import table
+from plantfit.recording.readers.columns import Table, named_columns
+from plantfit.recording.roles import roles_of
+
+
+def headers(roles, kind):
+    return {r.header for r in roles.of(kind)}
+
+
+@pytest.mark.parametrize("style", STYLES, ids=lambda s: s.name)
+def test_files_of_loggers(style, tmp_path):
+    """Time, inputs and outputs are right; where they are not, the user is told that it is unsure."""
+    file = tmp_path / style.name
+    style.write(file)
+    found, roles = describe(file), roles_of(table(file))
+    assert found.time == style.time
+    assert style.period is None or found.period == pytest.approx(style.period, rel=1e-6)
+    assert headers(roles, "input") == style.inputs
+    assert headers(roles, "output") == style.outputs
+    if style.name == "noise.csv":
+        assert roles.unsure
+    else:
+        assert not roles.unsure
+    recording = read(file) if style.time or style.period else read(file, period=1.0)
+    assert len(recording) == found.rows
+    assert np.isfinite(recording.t).all()
+
+
+HERE = Path(__file__).parents[2] / "src" / "plantfit" / "cases"
+
+
+def nameless(seed):
+    """(kind of input, u (n,), y (n,)) of a first- or second-order plant with noise; some inputs measured, some outputs rounded."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(150, 3000))
+    t, tau = np.arange(n), float(np.exp(rng.uniform(np.log(2), np.log(n / 8))))
+    held = max(2, int(tau * rng.uniform(0.5, 3)))
+    kind = str(rng.choice(["prbs", "steps", "step", "sines", "noise", "ramps"]))
+    u = {
+        "prbs": lambda: prbs(rng, n, held, -1, 1),
+        "steps": lambda: steps(rng, n, held, 0, 10),
+        "step": lambda: (t > n // 5) * 3.0,
+        "sines": lambda: sum(np.sin(2 * np.pi * t / p + rng.uniform(0, 6)) for p in rng.uniform(4 * tau / 3, 6 * tau, 4)),
+        "noise": lambda: lag(rng.normal(0, 1, n), 1.0, tau / 4),
+        "ramps": lambda: np.interp(t, np.linspace(0, n, 8), rng.uniform(0, 5, 8)),
+    }[kind]()
+    gain = float(rng.uniform(0.5, 3) * rng.choice([-1, 1]))
+    y = lag(u, 1.0, tau, gain, int(rng.integers(0, max(1, int(tau / 3)))))
+    y = lag(y, 1.0, tau / 3) if seed % 2 else y
+    y = y + rng.normal(0, rng.choice([0.002, 0.01, 0.03]) * np.ptp(y), n)
+    if rng.random() < 0.3:
+        y = np.round(y / (np.ptp(y) / 200)) * np.ptp(y) / 200
+    if rng.random() < 0.3:
+        u = u + rng.normal(0, 0.005 * np.ptp(u), n)
+    return kind, u, y
+
+
+def in_a_table(**columns):
+    n = len(next(iter(columns.values())))
+    cells = [pl.Series("t", np.arange(n) * 1.0), *(pl.Series(name, np.asarray(v, dtype=float)) for name, v in columns.items())]
+    return Table("x", named_columns(["t", *columns], cells))
+
+
+def test_plants_without_names():
+    """Where it is sure it is right; it is right in nine of ten, and sure of most inputs that jump."""
+    counts = Counter()
+    for seed in range(200):
+        kind, u, y = nameless(seed)
+        roles = roles_of(in_a_table(a=u, b=y) if seed % 3 else in_a_table(a=y, b=u))
+        right = headers(roles, "input") == ({"a"} if seed % 3 else {"b"})
+        counts[kind in ("prbs", "steps", "step"), right, not roles.unsure] += 1
+    total = sum(counts.values())
+    assert sum(n for (_, right, sure), n in counts.items() if sure and not right) == 0, counts
+    assert sum(n for (_, right, _), n in counts.items() if right) >= 0.9 * total, counts
+    jumping = sum(n for (jumps, _, _), n in counts.items() if jumps)
+    assert sum(n for (jumps, _, sure), n in counts.items() if jumps and sure) >= 0.85 * jumping, counts
+
+
+def test_two_noises_are_never_sure():
+    """Neither drives the other: no word that is sure may stand."""
+    sure = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        a, b = (lag(rng.normal(0, 1, 800), 1.0, 10.0) for _ in range(2))
+        sure += not roles_of(in_a_table(a=a, b=b)).unsure
+    assert sure <= 2
+
+
+def test_names_that_lie_lose_against_what_the_columns_do():
+    """A column that is called a temperature and jumps, and one that is called a voltage and follows, are at least unsure."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        u = prbs(rng, 800, 40, 0, 5)
+        y = lag(u, 1.0, 25.0, 2.0) + rng.normal(0, 0.02, 800)
+        roles = roles_of(in_a_table(temperature=u, voltage=y))
+        assert headers(roles, "input") == {"temperature"} or roles.unsure
+
+
+def test_an_output_is_linked_to_the_inputs_that_it_answers_to():
+    rng = np.random.default_rng(3)
+    n = 2000
+    a, b = steps(rng, n, 50, 0, 10), steps(rng, n, 70, 0, 10)
+    one = lag(a, 1.0, 20.0) + rng.normal(0, 0.02, n)
+    both = lag(a, 1.0, 20.0) + lag(b, 1.0, 30.0) + rng.normal(0, 0.02, n)
+    roles = {r.header: r for r in roles_of(in_a_table(a=a, b=b, one=one, both=both)).columns}
+    assert roles["one"].answers == ("a",)
+    assert set(roles["both"].answers) == {"a", "b"}
+
+
+def test_index_constant_copy_and_set_point():
+    rng = np.random.default_rng(5)
+    n = 600
+    u = prbs(rng, n, 30, 0, 5)
+    y = lag(u, 1.0, 15.0, 2.0) + rng.normal(0, 0.05, n)
+    columns = {
+        "Sample": np.arange(n) + 7.0,
+        "u": u,
+        "fan": np.full(n, 3.0),
+        "y": y,
+        "y_filt": y + 1e-4 * rng.normal(size=n),
+        "y_ref": 2 * u,
+    }
+    roles = {r.header: r for r in roles_of(in_a_table(**columns)).columns}
+    kinds = {h: r.kind for h, r in roles.items()}
+    assert kinds == {
+        "t": "time", "Sample": "index", "u": "input", "fan": "constant", "y": "output", "y_filt": "copy", "y_ref": "set point",
+    }  # fmt: skip
+    assert roles["fan"].why == "3 throughout"
+
+
+def test_days_and_months():
+    """The order in which all are dates; by the smaller span where both are; refused where nothing tells."""
+    from plantfit.recording.readers.timestamps import timestamps
+
+    def day(cells):
+        found, unclear = timestamps(cells)
+        return [f"{d:%m-%d}" if d else None for d in found], unclear
+
+    assert day(["13/02/2024 10:00", "14/02/2024 10:00"]) == (["02-13", "02-14"], None)
+    assert day(["02/13/2024 10:00", "02/14/2024 10:00"]) == (["02-13", "02-14"], None)
+    assert day(["01/02/2024 23:59:59", "02/02/2024 00:00:01"]) == (["02-01", "02-02"], None)  # the day after, not the month
+    assert day(["01/02/2024 10:00"])[1] is None  # one date: its order does not matter
+    assert day(["03.04.2024 10:00:00,5"])[0] == ["04-03"]
+    night, noon = timestamps(["01/02/2024 12:00:00 AM", "01/02/2024 12:00:01 PM"])[0]
+    assert night is not None
+    assert noon is not None
+    assert (night.hour, noon.hour) == (0, 12)
+    assert timestamps(["31/31/2024 10:00"])[0] == [None]
+    both, unclear = timestamps(["01/02/2024 10:00", "02/01/2024 10:00"])
+    assert unclear is not None
+    assert len(both) == 2
+
+
+def test_titles_are_skipped_and_bad_rows_are_not(tmp_path):
+    from plantfit.errors import RecordingError
+
+    file = tmp_path / "a.csv"
+    body = "\n".join(f"{k},{k % 7},{k % 5}" for k in range(20))
+    file.write_text(f"Bench 3\nOperator,night\nt,u,y\n{body}\n")
+    assert read(file).signals.keys() == {"u", "y"}
+    assert "2 lines above the table were skipped." in read(file).log
+    file.write_text(f"t,u,y\n1,2\n{body}\n")  # a short row is a fault of the file, not a title
+    with pytest.raises(RecordingError, match="line 2: 2 cells where the first row has 3"):
+        read(file)
+    file.write_text(f"t,u,y\nbad,row,here\n{body}\n")
+    with pytest.raises(RecordingError, match="line 2"):
+        read(file)
+
+
+def test_a_long_table_becomes_wide_and_other_tables_stay(tmp_path):
+    file = tmp_path / "long.csv"
+    rows = [f"{k},{tag},{v}" for k in range(10) for tag, v in (("u", k % 3), ("y", 2 * k)) if (k, tag) != (4, "y")]
+    file.write_text("time,tag,value\n" + "\n".join(rows))
+    found = read(file)
+    assert found.signals.keys() == {"u", "y"}
+    assert np.isnan(found["y"]).tolist() == [k == 4 for k in range(10)]
+    assert found["u"].tolist() == [k % 3 for k in range(10)]
+    file.write_text("time,mode,value\n" + "\n".join(f"{k},{'auto' if k % 2 else 'hand'},{k}" for k in range(10)))
+    assert read(file).signals.keys() == {"value"}

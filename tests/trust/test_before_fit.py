@@ -1,0 +1,146 @@
+"""What records can determine, before any fit: models whose rank is known by their construction."""
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+from plantfit.trust import before_fit
+
+N = 240
+T = 0.05 * np.arange(N)
+U = np.repeat(np.random.default_rng(0).uniform(-3, 3, N // 20), 20)
+
+
+def problem(text, parameters, outputs=("y",), states=("x",), u=U, **options):
+    model = pf.equations(text, inputs=["u"], states=list(states), outputs=list(outputs), parameters=list(parameters), name="plant")
+    rng = np.random.default_rng(1)
+    record = pf.from_arrays(T, signals={"u": u, **{o: rng.normal(size=N) for o in outputs}})
+    space = {n: v if isinstance(v, pf.Parameter) else pf.Parameter(v) for n, v in parameters.items()}
+    return pf.Problem(model, record, space, scales=dict.fromkeys(outputs, 1.0), **options)
+
+
+def told(found):
+    return [sentence for _, sentence in found.sentences]
+
+
+def test_a_lag_with_gain_and_offset_is_told_apart():
+    found = before_fit(problem("x' = (K*delay(u, L) + r - x)/tau; y = x", {"K": (0.1, 5), "L": (0, 1), "r": (-3, 3), "tau": (0.1, 5)}))
+    assert found is not None
+    assert (found.rank, found.together, found.open, found.fix, found.unseen) == (4, (), (), (), ())
+    assert told(found)[0] == "These records can tell all 4 parameters apart (rank of the sensitivities at 8 random points of the bounds)."
+    assert not any(level == "warning" for level, _ in found.sentences)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "rank", "alone", "together", "fix"),
+    [
+        ("x' = a*b*u - x/c; y = x", "abc", 2, ("c",), ("a*b",), {("a",), ("b",)}),
+        ("x' = a^2*b*u - x; y = x", "ab", 1, (), ("a^2*b",), {("a",), ("b",)}),
+        ("x' = u - (a + b)*x; y = x", "ab", 1, (), ("a + b",), {("a",), ("b",)}),
+        ("x' = a*b*u - x*c/d; y = x", "abcd", 2, (), ("a*b", "c/d"), {("a", "c"), ("a", "d"), ("b", "c"), ("b", "d")}),
+        ("x' = u - (a + b*c)*x; y = x", "abc", 1, (), (), {("a", "b"), ("a", "c"), ("b", "c")}),
+    ],
+)
+def test_what_stands_only_together_is_named(text, names, rank, alone, together, fix):
+    found = before_fit(problem(text, dict.fromkeys(names, (0.2, 3.0))))
+    assert found is not None
+    assert (found.rank, found.alone, found.together, set(found.fix)) == (rank, alone, together, fix)
+    assert found.sentences[0][0] == "warning"
+    assert told(found)[0].startswith(f"These records can determine {rank} of {len(names)} at best")
+    assert ("neither products of powers nor sums" in told(found)[0]) == (not together)
+
+
+def test_a_motor_by_voltage_and_speed_has_two_open_scales():
+    """Franklin's motor: resistance, inductance, torque constant and mechanical constants have two scales that the speed does not show."""
+    text = "i' = (u - R*i - kb*w)/L; w' = (kt*i - c*w - tf*tanh(w/0.1))/J; y = w"
+    bounds = {"R": (0.5, 5), "L": (0.02, 0.2), "kb": (0.05, 1), "kt": (0.05, 1), "J": (0.01, 0.1), "c": (0.01, 0.1), "tf": (0.01, 0.1)}
+    found = before_fit(problem(text, bounds, states=("i", "w")))
+    assert found is not None
+    assert (found.rank, found.alone) == (5, ("kb",))
+    assert set(found.together) == {"R/L", "J/c", "J/tf", "R*J/kt"}
+    with_current = before_fit(problem(text + "; i_m = i", bounds, states=("i", "w"), outputs=("y", "i_m")))
+    assert with_current is not None
+    assert with_current.rank == 6  # the current gives R, L and kb; one scale of torque stays
+    assert {"R", "L", "kb"} <= set(with_current.alone)
+
+
+def test_a_parameter_without_effect_and_an_input_at_rest():
+    found = before_fit(problem("x' = u - a*x + 0*b; y = x", {"a": (0.1, 5), "b": (0.1, 3)}))
+    assert found is not None
+    assert found.unseen == ("b",)
+    assert told(found)[0].startswith("b has no effect on the fitted samples")
+    found = before_fit(problem("x' = (K*u + r - x)/tau; y = x", {"K": (0.1, 5), "r": (1, 3), "tau": (0.1, 5)}, u=np.zeros(N)))
+    assert found is not None
+    assert found.unseen == ("K",)
+
+
+def holds_along(formula, names, values, direction, logs):
+    """Whether a named formula changes along an open direction, by a step that is not small."""
+    at = dict(zip(names, values, strict=True))
+    moved = values * np.exp(0.3 * direction) if logs else values + 0.1 * direction
+    before, after = (eval(formula.replace("^", "**"), {}, dict(zip(names, map(float, v), strict=True))) for v in (values, moved))
+    return after == pytest.approx(before, rel=1e-6), at
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_products(seed):
+    """Three coefficients that are products of powers of six parameters: the rank is that of the exponents."""
+    rng = np.random.default_rng(seed)
+    names = list("abcdfg")
+    powers = rng.choice([0, 0, 1, 1, -1, 2], (3, 6))
+    theta = ["*".join(f"{n}^{p}" if p > 0 else f"{n}^(-{-p})" for n, p in zip(names, row, strict=True) if p) or "1" for row in powers]
+    found = before_fit(
+        problem(
+            f"x' = ({theta[0]})*u - ({theta[1]})*x + ({theta[2]})*u^2 + 0*({' + '.join(names)}); y = x", dict.fromkeys(names, (0.6, 1.5))
+        )
+    )
+    assert found is not None
+    assert found.rank == np.linalg.matrix_rank(powers)
+    used = [n for n, column in zip(names, powers.T, strict=True) if np.any(column)]
+    assert set(found.unseen) == {*names} - {*used}
+    assert len(found.alone) + len(found.together) == found.rank
+    null = np.linalg.svd(powers.astype(float))[2][np.linalg.matrix_rank(powers) :]
+    for formula in (*found.alone, *found.together):
+        for direction in null:
+            assert holds_along(formula, names, np.full(6, 1.1), direction, logs=True)[0], (formula, powers)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_sums(seed):
+    """Three coefficients that are sums of five parameters with whole weights: the rank is that of the weights."""
+    rng = np.random.default_rng(100 + seed)
+    names = list("abcdf")
+    weights = rng.choice([0, 0, 1, 2, -1], (3, 5))
+    theta = [" + ".join(f"({w})*{n}" for n, w in zip(names, row, strict=True) if w) or "1" for row in weights]
+    found = before_fit(
+        problem(
+            f"x' = ({theta[0]})*u - 2*x + ({theta[1]})*u^2 + ({theta[2]}) + 0*({' + '.join(names)}); y = x",
+            dict.fromkeys(names, (0.5, 2.0)),
+        )
+    )
+    assert found is not None
+    assert found.rank == np.linalg.matrix_rank(weights)
+    null = np.linalg.svd(weights.astype(float))[2][np.linalg.matrix_rank(weights) :]
+    for formula in found.together:
+        for direction in null:
+            assert holds_along(formula, names, np.linspace(0.8, 1.6, 5), direction, logs=False)[0], (formula, weights)
+
+
+def test_noise_is_told_apart_from_structure():
+    """A lag of hours in a record of 12 s is an integrator: gain and time constant are two in principle, and rough with any noise."""
+    hours = pf.Parameter((1e4, 1e5), scale="log")
+    found = before_fit(problem("x' = (K*u - x)/tau; y = x", {"K": (1e3, 1e4), "tau": hours}))
+    assert found is not None
+    assert found.rank == 2
+    assert set(found.rough) == {"K", "tau"}
+    assert "known only to more than 50 %" in told(found)[-1]
+
+
+def test_what_is_too_large_is_not_asked():
+    names = [f"p{k}" for k in range(41)]
+    assert before_fit(problem(f"x' = u - x*({' + '.join(names)}); y = x", dict.fromkeys(names, (0.1, 1.0)))) is None
+
+
+def test_the_same_bits_for_the_same_key():
+    p = problem("x' = a*b*u - x/c; y = x", dict.fromkeys("abc", (0.2, 3.0)))
+    assert before_fit(p) == before_fit(p)
