@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from plantfit.optimize import Checkpoint, Objective, Progress, RunResult, minimise
     from plantfit.problem import Experiment, Problem, split
     from plantfit.recording import Recording, Signal, from_arrays, from_frame, read, read_csv
+    from plantfit.records_compared import RecordsCompared, compare_records
     from plantfit.reopen import open_study
     from plantfit.report import write_report
     from plantfit.space import Parameter, Space
@@ -42,12 +43,14 @@ _PLACES = {
     "Problem": "plantfit.problem",
     "Progress": "plantfit.optimize",
     "Recording": "plantfit.recording",
+    "RecordsCompared": "plantfit.records_compared",
     "RunResult": "plantfit.optimize",
     "Signal": "plantfit.recording",
     "Space": "plantfit.space",
     "Status": "plantfit.errors",
     "Store": "plantfit.study",
     "compare_models": "plantfit.which_model",
+    "compare_records": "plantfit.records_compared",
     "equations": "plantfit.models",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
@@ -80,12 +83,14 @@ __all__ = [
     "Problem",
     "Progress",
     "Recording",
+    "RecordsCompared",
     "RunResult",
     "Signal",
     "Space",
     "Status",
     "Store",
     "compare_models",
+    "compare_records",
     "equations",
     "fit",
     "from_arrays",

@@ -332,6 +332,20 @@ def compare(
     chosen.compare(given or [], store, out, latex, csv, target or [], floor, optimum, seed, models, linear, workers, json)
 
 
+@app.command("compare-records")
+def compare_records(
+    given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
+    store: StorePlace = STORE,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-records.html if left out.")] = None,
+    workers: Workers = None,
+    json: Json = False,
+) -> None:
+    """Fit each recording of a study alone; say whether they agree on the parameters, and which one no longer fits the others."""
+    from plantfit.cli.commands.comparing import records
+
+    records.compare_records(given, store, out, workers, json)
+
+
 @app.command("tune-search")
 def tune_search(
     spec: Annotated[str, typer.Argument(help="The study file (TOML).")],

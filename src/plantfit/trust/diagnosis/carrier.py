@@ -56,10 +56,16 @@ class Carrier:
     creeps: Mapping[str, float]
     inputs: Inputs
     meter: Meter = field(default_factory=Meter)
+    sharp: int = 1
 
     @classmethod
-    def of(cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], meter: Meter | None = None) -> "Carrier":
-        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states; `meter` counts what it does."""
+    def of(
+        cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], meter: Meter | None = None, sharp: int = 1
+    ) -> "Carrier":
+        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states; `meter` counts what it does.
+
+        Dry friction is whole from a speed on that is `sharp` times less than usual, and steps are as many times finer.
+        """
         model = problem.model
         assert isinstance(model, Model)
         sizes = _sizes(problem, z)
@@ -75,7 +81,7 @@ class Carrier:
                 bounds[kind][s] = (-wide, wide)
                 changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and kind == "start")
                 if kind == "coulomb":
-                    creeps[s] = float(f"{CREEP * spread:.2g}")
+                    creeps[s] = float(f"{CREEP / sharp * spread:.2g}")
                     changes[f"creep_{s}"] = Parameter(value=creeps[s])
         extended = with_extensions(model, bounds) if bounds else model
         inputs = {n: {u: _jittered(e.recording[u]) for u in model.inputs} for n, e in problem.experiments.items()}
@@ -85,7 +91,7 @@ class Carrier:
         }
         simulator = problem.predictor.stepping()
         made = Problem(
-            extended, experiments, changes, scales=problem.scales, stepper=simulator.stepper, substeps=simulator.substeps,
+            extended, experiments, changes, scales=problem.scales, stepper=simulator.stepper, substeps=sharp * simulator.substeps,
             hold={u: "linear" if u in simulator.interpolated else "previous" for u in model.inputs}, name=problem.name,
         )  # fmt: skip
         if problem.mesh:
@@ -97,12 +103,12 @@ class Carrier:
             for s in states
         }
         z = np.asarray(z, dtype=float)
-        return cls(made, problem, rows_of(problem), z, len(order), inside, creeps, inputs, meter or Meter())
+        return cls(made, problem, rows_of(problem), z, len(order), inside, creeps, inputs, meter or Meter(), sharp)
 
     @property
     def charge(self) -> float:
         """Of one call of `at`, in evaluations of the cost."""
-        return self.problem.jacobian_charge
+        return self.sharp * self.problem.jacobian_charge
 
     @property
     def names(self) -> tuple[str, ...]:

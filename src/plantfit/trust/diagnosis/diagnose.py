@@ -11,9 +11,10 @@ from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.models.text.suggest import suggest
 from plantfit.problem.problem import Problem
+from plantfit.sobol import Sobol
 from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
-from plantfit.trust.diagnosis.hypothesis import Fitted, fitted
+from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.outliers import outlying
@@ -22,6 +23,9 @@ QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in 
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
+NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
+SHARP = 16  # times less is the speed from which on dry friction is whole, where it is found and that fits better
+SURE = 2.0  # standard errors that a value is off zero
 STRONG = 3.0  # times the evidence that is needed: "very likely"
 TRYING, FITTING = (
     0.65,
@@ -50,6 +54,7 @@ class Round:
     """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
 
     `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
+    `base` is the fit with what was given that all are held against.
     """
 
     given: tuple[Extension, ...]
@@ -58,14 +63,17 @@ class Round:
     needed: float
     untried: tuple[Extension, ...] = ()
     whole: bool = True
+    base: Fitted | None = None
 
 
 @dataclass(frozen=True)
 class Outliers:
-    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual."""
+    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual, that
+    of the model with the additions `beside`."""
 
     counts: dict[str, tuple[int, int]]
     share: float
+    beside: tuple[Extension, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -77,7 +85,8 @@ class Outliers:
 class Diagnosis:
     """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
     were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
-    `evaluations` of the cost were spent. It is `whole` where the work allowed was enough for everything."""
+    `dropped` were found first, and explain nothing beside what was found later. `evaluations` of the cost were spent. It is `whole` where
+    the work allowed was enough for everything."""
 
     carrier: Carrier
     base: Fitted
@@ -87,6 +96,7 @@ class Diagnosis:
     evaluations: float
     unseen_blocks: bool
     whole: bool = True
+    dropped: tuple[Extension, ...] = ()
 
     @property
     def found(self) -> tuple[Trial, ...]:
@@ -134,6 +144,7 @@ def diagnose(
         base = fitted(carrier, (), base.x, np.zeros(0), use)
     made: list[Round] = []
     bare, waiting, whole, taken = base, False, True, 0.0
+    dropped: list[Extension] = []
     if wanted is not None:
         for e in wanted:
             made.append(_round(carrier, base, [e], use, kept, say))
@@ -151,15 +162,100 @@ def diagnose(
             if both is None:
                 break
             made, one = [*made[:-1], both[0]], both[1]
+        made = _with_better_base(carrier, bare, made, one, use, kept)
+        bare = made[0].base or bare if made else one.base or bare
         made.append(one)
         best = one.trials[0] if one.trials else None
-        waiting = not one.found and not waiting and bare is base and best is not None and best.explained >= WORTH
+        waiting = not one.found and not waiting and not base.additions and best is not None and best.explained >= WORTH
         following = one.found[0].at if one.found else best.at if waiting and best is not None else None
         if following is None:
             break
         base = following
-    whole = whole and all(r.whole for r in made)
-    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole)
+        anew = outlying(base.residuals, rows)
+        if np.any(anew != apart):  # what a wrong model hid, or took for outliers
+            apart, kept, use = anew, ~anew, rows.fit & ~anew
+            base = fitted(carrier, base.additions, base.x, base.theta, use)
+            outliers = _outliers(base, apart, carrier)
+            if one.found:
+                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, one.found[0], base, use, kept), *one.found[1:]))
+        if one.found and one.found[0].extension.kind == "coulomb" and carrier.sharp == 1 and meter.holds(SHARP * carrier.charge * QUICK):
+            say("fitting with sharper friction")
+            sharp = Carrier.of(problem, z, inside_kinds(problem), meter, SHARP)
+            at = fitted(sharp, base.additions, base.x, base.theta, use)
+            if at.cost(use) <= (1.0 - LEAST) * base.cost(use):
+                carrier, base = sharp, at
+                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, made[-1].found[0], at, use, kept), *one.found[1:]))
+        if one.found and len(base.additions) > 1:
+            say("fitting without what was found before")
+            base, made, gone = _pruned(carrier, bare, base, made, use, kept)
+            dropped += gone
+    whole, made = whole and all(r.whole for r in made), _valued(carrier, made, use)
+    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole, tuple(dropped))
+
+
+def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Round]:
+    """The rounds, the value of everything that was found being that of the fit with all of it."""
+    found = [r for r in made if r.found]
+    end = found[-1].found[0].at if found else None
+    if end is None or len(found) < 2:
+        return list(made)
+    rounds = []
+    for one in made:
+        if one.found and one.found[0].extension in end.additions:
+            e = one.found[0].extension
+            first = replace(one.found[0], value=end.value(e, carrier), standard_error=standard_error(carrier, end, e, use))
+            one = replace(one, found=(first, *one.found[1:]))
+        rounds.append(one)
+    return rounds
+
+
+def _pruned(
+    carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray
+) -> tuple[Fitted, list[Round], list[Extension]]:
+    """The fit and the rounds without additions that the last one found explains as well; which these were."""
+    gone: list[Extension] = []
+    for a in base.additions[:-1]:
+        less = without(carrier, base, a, use)
+        if evidence(less, base, carrier.rows, use) < made[-1].needed:
+            base, gone = less, [*gone, a]
+    rounds = list(made)
+    if gone:  # what is left is told anew, one after the other
+        before = bare
+        for k, one in enumerate(rounds):
+            if not one.found or one.found[0].extension in gone:
+                rounds[k] = replace(one, found=())
+                continue
+            upto = base.additions[: base.additions.index(one.found[0].extension) + 1]
+            at = base
+            for a in base.additions[len(upto) :]:
+                at = without(carrier, at, a, use)
+            rounds[k] = replace(one, found=(_refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
+            before = at
+    return base, rounds, gone
+
+
+def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray) -> list[Round]:
+    """The rounds, where the last one came upon a better fit of what the one before it had found."""
+    if not made or last.base is None or not made[-1].found or made[-1].found[0].at is last.base:
+        return list(made)
+    first = made[-1]
+    at = first.found[0].at
+    assert at is not None
+    if last.base.cost(use) >= at.cost(use):
+        return list(made)
+    return [
+        *made[:-1],
+        replace(first, found=(_refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])),
+    ]
+
+
+def _refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with the figures of another fit of the same additions."""
+    before, after, unit = base.cost(use), at.cost(use), _scale(carrier)
+    rmse = float(np.sqrt(before / use.sum())) * unit, float(np.sqrt(after / use.sum())) * unit
+    told, explained = evidence(base, at, carrier.rows, use), max(0.0, 1.0 - after / before)
+    made = replace(t, at=at, explained=explained, evidence=told, rmse=rmse, value=at.value(t.extension, carrier))
+    return _judged(carrier, base, made, use, kept)
 
 
 def treatable(problem: Problem) -> bool:
@@ -214,7 +310,7 @@ def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
     total = float(np.sum(base.residuals[scored] ** 2))
     share = float(np.sum(base.residuals[scored & apart] ** 2)) / total if total > 0 else 0.0
     counts = {o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o)))) for o in dict.fromkeys(rows.output)}
-    return Outliers(counts, share)
+    return Outliers(counts, share, base.additions)
 
 
 def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any) -> Round:
@@ -244,6 +340,18 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
                 whole = False
         trials.append((e, one))
     trials.sort(key=lambda pair: pair[1].cost(use))
+    if trials and evidence(base, trials[0][1], carrier.rows, use) >= limit and meter.holds(0.0):
+        # a wrong model may press its parameters far into a valley; what brings them back is not the addition then
+        if not trials[0][1].settled or _pressed(carrier, base) or _pressed(carrier, trials[0][1]):
+            if meter.holds(0.0, FITTING, begun):
+                say(f"fitting with {trials[0][0].name} from other values")
+                trials = _from_elsewhere(carrier, trials, use)
+            else:
+                whole = False
+        say(f"fitting without {trials[0][0].name}")
+        again = without(carrier, trials[0][1], trials[0][0], use)
+        if again.cost(use) < before:
+            base, before = again, again.cost(use)
     judged = []
     for k, (e, one) in enumerate(trials):
         explained = max(0.0, 1.0 - one.cost(use) / before)
@@ -258,7 +366,7 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
                 whole = False
         judged.append(trial)
     found = _found(carrier, judged, extensions, use)
-    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried)
+    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried, base)
 
 
 def _price(e: Extension) -> int:
@@ -269,7 +377,7 @@ def _price(e: Extension) -> int:
 
 def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
     """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
-    good = [t for t in judged if t.unseen is not None and t.unseen > 0]
+    good = [t for t in judged if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
     if not good:
         return ()
     best = max(good, key=lambda t: t.explained)
@@ -281,6 +389,41 @@ def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Exten
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _pressed(carrier: Carrier, one: Fitted) -> bool:
+    """Whether a parameter of the problem stands at a bound."""
+    own = one.x[: carrier.own]
+    return bool(np.any((own < NEAR_BOUND) | (own > 1.0 - NEAR_BOUND)))
+
+
+def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray) -> list[tuple[Extension, Fitted]]:
+    """The trials, the best one fitted from some points of the box as well, and the others of the best from where that ended."""
+    best, made = trials[0][1], list(trials)
+    for z in Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own]:
+        x = best.x.copy()
+        x[: carrier.own] = z
+        one = fitted(carrier, best.additions, x, best.theta, use)
+        best = one if one.cost(use) < best.cost(use) else best
+    if best is trials[0][1]:
+        return made
+    made[0] = (trials[0][0], best)
+    for k, (e, one) in enumerate(trials[1:FINALISTS], 1):
+        x = one.x.copy()
+        x[: carrier.own] = best.x[: carrier.own]
+        again = fitted(carrier, one.additions, x, one.theta, use)
+        made[k] = (e, again if again.cost(use) < one.cost(use) else one)
+    made.sort(key=lambda pair: pair[1].cost(use))
+    return made
+
+
+def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
+    """Whether the value of an addition that is nothing at zero is known to be something."""
+    if t.extension.kind in ("saturation", "sensor_high", "sensor_low") or t.value is None or t.standard_error is None:
+        return True
+    if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
+        return True  # a value for each recording
+    return abs(t.value) >= SURE * t.standard_error
 
 
 def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:

@@ -50,6 +50,7 @@ def _round(diagnosis: Diagnosis, one: Round) -> dict[str, Any]:
         "beside": [e.name for e in one.given],
         "needed": one.needed,
         "found": [t.extension.name for t in one.found],
+        "likely": likelihood(diagnosis, one),
         "untried": [e.name for e in one.untried],
         "whole": one.whole,
         "tried": [_trial(t) for t in one.trials],
@@ -70,16 +71,21 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         for output, (count, total) in d.outliers.counts.items():
             if count:
                 share = 100 * d.outliers.share
+                beside = f" with {' and '.join(e.name for e in d.outliers.beside)}" if d.outliers.beside else ""
                 yield say(
                     "warning",
                     f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of the squares of the "
-                    "residual: outliers, which this diagnosis leaves out. drop_outliers under clean takes them away.",
+                    f"residual{beside}: outliers, which this diagnosis leaves out. drop_outliers under clean takes them away.",
                     count=count,
                     share=d.outliers.share,
                 )
-    for k, one in enumerate(d.rounds):
-        if one.found:
-            yield _found(d, one, k)
+    for k, one in enumerate(r for r in d.rounds if r.found):
+        yield _found(d, one, k)
+    for e in d.dropped:
+        text = f"{e.article} {e.name}".strip()
+        yield say(
+            "info", f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was found later."
+        )
     if not d.found:
         yield _nothing(d, alone)
     last = d.rounds[-1]
@@ -89,12 +95,20 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield from _left(d)
 
 
-def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
-    """One addition, or several that explain alike."""
+def likelihood(d: Diagnosis, one: Round) -> str | None:
+    """How sure the sentence of a round is: "very likely", "likely", "possibly"; None where the round found nothing."""
+    if not one.found:
+        return None
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
     much = bool(_much_left(d))  # a cause that the catalogue does not have may look like one that it has
-    likely = "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
+    return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
+
+
+def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
+    """One addition, or several that explain alike."""
+    best = max(one.found, key=lambda t: t.explained)
+    likely, much = likelihood(d, one), bool(_much_left(d))
     left = "what is left" if k == 0 else "what is then left"
     text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if one.untried:

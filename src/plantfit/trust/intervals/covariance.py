@@ -155,6 +155,8 @@ def sandwich(
         # Jacobian have cancelled already, so that each may be filtered by its own memory
         rows, columns = _nonzero(j[block.rows])
         touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
+        if not len(touched):  # nothing that is fitted acts on this output
+            continue
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
         spread[np.ix_(touched, touched)] += (
             prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees

@@ -1,0 +1,68 @@
+"""Answers that a comparison needs: those of the store where there are, else fitted now and kept there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from plantfit.cli.terminal.out import warn
+from plantfit.cli.terminal.working import Ready, ready, search
+from plantfit.errors import Interrupted, StoreError
+
+if TYPE_CHECKING:
+    from plantfit.study.store.records import StudyRecord
+    from plantfit.study.store.store import Store
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A study to compare: its name in the comparison, its study prepared, and whether the store has its answer."""
+
+    name: str
+    ready: Ready
+    fitted: bool
+
+
+def from_file(opened: "Store", name: str, study: Any) -> Fitted:
+    """A study file, with its study in the store where there is one of the same wording, data and bounds."""
+    from plantfit.study.running.probe import check_same, probe
+
+    one = ready(study, None)
+    now = probe(one.objective, one.problem.space.physical)
+    same = [r for r in reversed(opened.studies()) if r.spec_text == study.text]
+    for record in sorted(same, key=lambda r: r.state != "done"):
+        try:
+            check_same(opened.probe(record.id), now, record.id)
+        except StoreError:
+            continue  # the recordings have changed
+        return Fitted(name, Ready(study, one.problem, one.objective, record.id, one.seconds), record.state == "done")
+    return Fitted(name, one, False)
+
+
+def from_store(opened: "Store", name: str, number: int) -> Fitted:
+    """A stored study."""
+    from plantfit.reopen import study_of
+
+    record = opened.study(number)
+    return Fitted(name, ready(study_of(record), number), record.state == "done")
+
+
+def answers_of(opened: "Store", chosen: Sequence[Fitted], workers: str | None, json: bool) -> tuple[dict[str, Any], dict[str, int | None]]:
+    """The answers and the numbers of their studies by name; fits what has none."""
+    from plantfit.reopen import answer_of
+
+    left = [m for m in chosen if not m.fitted]
+    numbers = {m.name: m.ready.number for m in chosen if m.fitted}
+    for m in chosen:
+        if m.fitted and not json:
+            warn(f"{m.name}: study {m.ready.number} has its answer.")
+    if left:
+        found, stopped = search(opened, [m.ready for m in left], workers, None, json)
+        records: list[StudyRecord] = [opened.study(n) for n in found]
+        if stopped and any(r.state != "done" for r in records):
+            raise Interrupted("Stopped; what was found is saved, and the same command goes on from there.")
+        numbers |= {m.name: n for m, n in zip(left, found, strict=True)}
+    made = {
+        m.name: answer_of(opened, opened.study(numbers[m.name] or 0), m.ready.study, {"prepare": m.ready.seconds}, m.ready.problem)
+        for m in chosen
+    }
+    return made, numbers

@@ -1,0 +1,139 @@
+"""What a comparison of recordings says."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
+
+Record = Mapping[str, Any]
+MOVED = 3  # parameters that are named with their figures
+CAUSES = "The plant changed between them, or the model lacks something that they excite differently (`plantfit diagnose`)."
+
+
+def sentences(record: Record) -> list[Sentence]:
+    """The verdict: whether the recordings agree, which one does not and what moved, what could not be tested."""
+    return [*_first(record), *_spread(record), *_untested(record)]
+
+
+def _first(record: Record) -> list[Sentence]:
+    tested = [p["name"] for p in record["parameters"] if p["p"] is not None]
+    names = [r["name"] for r in record["recordings"]]
+    if not tested:
+        text = "Whether the recordings agree cannot be told: no parameter is determined by two recordings alone."
+        slow = any(not r["sound"] for r in record["recordings"])
+        more = (
+            "What is left is not noise: see first what the model lacks (`plantfit diagnose`)."
+            if slow
+            else ("Record longer, or with inputs that move more.")
+        )
+        return [say("warning", f"{text} {more}")]
+    differ = [p for p in record["parameters"] if p["differs"]]
+    if record["agree"]:
+        least = min([p["p_adjusted"] for p in record["parameters"] if p["p"] is not None], default=1.0)
+        whole = len(tested) == len(record["parameters"]) and all(a["tested"] for p in record["parameters"] for a in p["alone"])
+        what = "all parameters" if len(tested) == len(record["parameters"]) else some(tested)
+        tail = f"least p {number(least)}, corrected for {len(tested) + (record['together'] is not None)} tests"
+        return [say("good" if whole else "info", f"The recordings agree on {what} ({len(names)} recordings; {tail}).", p=least)]
+    if record["either"]:
+        who = f"one of {some(record['either'], 9)}, without which the others agree: these recordings do not tell which"
+        return [say("warning", f"{_differ(differ, record)}. It is {who}. {CAUSES}")]
+    if len(names) == 2 or not record["apart"]:
+        return [say("warning", f"{_differ(differ, record)}. {CAUSES}", **_p(differ, record))]
+    return [_apart(a, record) for a in record["apart"]] + [say("info", _same(record))]
+
+
+def _differ(differ: Sequence[Record], record: Record) -> str:
+    """Each parameter that differs, with its values."""
+    if not differ:
+        p = chance(record["together"]["p_adjusted"])
+        return f"The recordings disagree on the parameters together ({p}), though on none of them by more than its intervals"
+    told = []
+    for p in sorted(differ, key=lambda p: p["p_adjusted"])[:MOVED]:
+        known = [a for a in p["alone"] if a["tested"]]
+        known.sort(key=lambda a: a["value"])
+        shown = known if len(known) <= 4 else [known[0], known[-1]]
+        values = some([f"{_value(a['value'], a['standard_error'], p['unit'])} in {a['recording']}" for a in shown], 9)
+        told.append(f"{p['name']} differs between recordings by more than its intervals: {values} ({chance(p['p_adjusted'])})")
+    more = f"; so {_do(len(differ) - MOVED)} {some([p['name'] for p in differ[MOVED:]])}" if len(differ) > MOVED else ""
+    return "; ".join(told) + more
+
+
+def chance(p: float) -> str:
+    """A p-value in words of a sentence; below 1e-9 its size means nothing."""
+    return f"p {number(p)}" if p >= 1e-9 else "p below 1e-9"
+
+
+def _do(count: int) -> str:
+    return "does" if count == 1 else "do"
+
+
+def _apart(a: Record, record: Record) -> Sentence:
+    moved = [m for m in a["moved"] if m["told"]]
+    shown = [
+        f"{m['name']} is {_value(m['value'], m['standard_error'], m['unit'])} there and "
+        f"{_value(m['others'], m['others_error'], m['unit'])} in {_others(a)}{_share(m)}"
+        for m in moved[:MOVED]
+    ]
+    own = next(r for r in record["recordings"] if r["name"] == a["recording"])
+    unit = record["unit"]
+    what = "; ".join(shown) if shown else "the parameters differ together, none of them by more than its intervals"
+    more = f"; {some([m['name'] for m in moved[MOVED:]])} moved as well" if len(moved) > MOVED else ""
+    rmse = f"its RMSE is {number(own['rmse_joint'])} with the joint values and {with_unit(own['rmse_alone'], unit)} with its own"
+    figures = {"rmse_joint": own["rmse_joint"], "rmse_alone": own["rmse_alone"]}
+    if moved:
+        figures |= {"by": moved[0]["by"], "p": moved[0]["p_adjusted"]}
+    return say("bad", f"{a['recording']} no longer fits the other recordings: {what}{more}; {rmse}.", **figures)
+
+
+def _others(a: Record) -> str:
+    return some(a["others"]) if len(a["others"]) <= 4 else f"the {len(a['others'])} others"
+
+
+def _share(m: Record) -> str:
+    return "" if m["share"] is None else f" ({100.0 * m['share']:+.3g} %)"
+
+
+def _same(record: Record) -> str:
+    rest = record["apart"][0]["others"]
+    return f"Without {some([a['recording'] for a in record['apart']], 9)} the recordings agree ({some(rest)}). {CAUSES}"
+
+
+def _p(differ: Sequence[Record], record: Record) -> dict[str, float]:
+    return {"p": min([p["p_adjusted"] for p in differ], default=record["together"]["p_adjusted"] if record["together"] else 1.0)}
+
+
+def _spread(record: Record) -> list[Sentence]:
+    """That the standard error of the joint answer does not hold for another recording."""
+    said = []
+    for p in record["parameters"] if not record["apart"] or len(record["recordings"]) == 2 else ():
+        error = p["joint"]["standard_error"]
+        if p["differs"] and error and p["between"] > error:
+            text = (
+                f"Between recordings {p['name']} scatters by {with_unit(p['between'], p['unit'])} (standard deviation), "
+                f"{number(p['between'] / error)} times the standard error of the joint answer, which does not hold for another recording."
+            )
+            said.append(say("warning", text, between=p["between"], standard_error=error))
+    return said[:MOVED]
+
+
+def _untested(record: Record) -> list[Sentence]:
+    """What a recording alone does not determine, and recordings whose intervals do not hold."""
+    said = []
+    slow = [r["name"] for r in record["recordings"] if not r["sound"]]
+    if slow:
+        text = f"What is left of {some(slow)} moves too slowly, or is too short, for intervals that hold; {_it(slow)} not compared."
+        said.append(say("info", text))
+    for p in record["parameters"]:
+        open_ = [a["recording"] for a in p["alone"] if not a["tested"] and a["recording"] not in slow]
+        if open_:
+            said.append(say("info", f"{p['name']} is not determined by {some(open_)} alone, and not compared there."))
+    return said
+
+
+def _it(names: Sequence[str]) -> str:
+    return "it is" if len(names) == 1 else "they are"
+
+
+def _value(value: float, error: float | None, unit: str | None) -> str:
+    row = {"name": "x", "value": value, "standard_error": error, "unit": "" if unit in (None, "1") else unit}
+    return estimate(row).removeprefix("x = ")

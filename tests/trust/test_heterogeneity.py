@@ -1,0 +1,199 @@
+"""Recordings that agree and that do not, on plants whose truth is known (benchmarks/records_alike.py)."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.signal import lfilter
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
+from benchmarks.records_alike import model, recording, study
+
+import plantfit as pf
+from plantfit.errors import RecordingError
+from plantfit.models import equations
+from plantfit.recording import Recording, Signal
+from plantfit.trust.heterogeneity.cochran import difference, heterogeneity, holm, pooled, together
+
+STUDIES = 100
+
+
+def test_two_estimates_are_compared_by_the_test_of_welch():
+    a, b, m, n = (3.0, 0.5), (4.1, 0.2), 9, 21
+    theirs = stats.ttest_ind_from_stats(a[0], a[1] * np.sqrt(m), m, b[0], b[1] * np.sqrt(n), n, equal_var=False).pvalue
+    found = heterogeneity(np.array([a[0], b[0]]), np.array([a[1], b[1]]), np.array([m - 1.0, n - 1.0]))
+    assert found.p == pytest.approx(theirs, rel=1e-9)
+    assert difference((*a, m - 1.0), (*b, n - 1.0)) == pytest.approx(theirs, rel=1e-9)
+    assert found.q == pytest.approx((a[0] - b[0]) ** 2 / (a[1] ** 2 + b[1] ** 2))
+
+
+def test_with_known_errors_it_is_cochrans_q():
+    values, errors = np.array([1.0, 1.4, 0.7, 1.1]), np.array([0.1, 0.3, 0.2, 0.1])
+    found = heterogeneity(values, errors, np.full(4, 1e12))
+    weights = errors**-2
+    q = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
+    assert found.q == pytest.approx(q)
+    assert found.p == pytest.approx(stats.chi2.sf(q, 3), rel=1e-6)
+    assert found.i_squared == pytest.approx(max(0.0, 1 - 3 / q))
+    assert pooled(values, errors, np.full(4, 9.0))[:2] == pytest.approx((found.mean, found.error))
+
+
+def test_the_scatter_between_recordings_is_found():
+    rng = np.random.default_rng(1)
+    found = [heterogeneity(rng.normal(0, np.hypot(0.3, 0.1), 50), np.full(50, 0.1), np.full(50, 1e9)).between for _ in range(40)]
+    assert np.mean(found) == pytest.approx(0.3, rel=0.1)
+
+
+def test_few_degrees_of_freedom_raise_no_more_alarms_than_five_in_a_hundred():
+    rng, freedom, n = np.random.default_rng(2), 8.0, 2000
+    errors = np.sqrt(rng.chisquare(freedom, (n, 3)) / freedom)
+    values = rng.normal(size=(n, 3))
+    told = np.mean([heterogeneity(v, s, np.full(3, freedom)).p < 0.05 for v, s in zip(values, errors, strict=True)])
+    assert 0.03 < told < 0.07
+    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.08
+
+
+def test_all_at_once_is_the_sum_of_squares_of_what_is_independent():
+    values, errors = np.array([[1.0, 5.0], [1.3, 5.1]]), np.array([[0.1, 0.3], [0.2, 0.1]])
+    q, degrees, p = together(values, np.array([np.diag(e**2) for e in errors]), np.full(2, 1e9))
+    single = sum(heterogeneity(values[:, k], errors[:, k], np.full(2, 1e9)).q for k in range(2))
+    assert (q, degrees) == (pytest.approx(single), 2.0)
+    assert p == pytest.approx(stats.chi2.sf(q, 2), rel=1e-6)
+
+
+def test_holms_levels():
+    assert holm({"a": 0.01, "b": 0.04, "c": 0.03}) == pytest.approx({"a": 0.03, "b": 0.06, "c": 0.06})
+    assert holm({"a": 0.9, "b": 0.8}) == {"a": 1.0, "b": 1.0}
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_recordings_of_one_plant_are_seldom_called_different(memory):
+    """Of 100 studies of two recordings 5 may be; 13 has a chance of one in a thousand."""
+    told = [study(seed, 2, memory) for seed in range(STUDIES)]
+    assert sum(r["agree"] is False for r in told) < 13
+    assert all(r["agree"] is not None for r in told)
+    agreed = next(r for r in told if r["agree"])
+    assert agreed["verdict"][0]["sentence"].startswith("The recordings agree on all parameters (2 recordings; ")
+
+
+def test_a_changed_plant_is_named_with_the_moved_parameter_first():
+    told = [study(seed, 4, 0.0, 1.15) for seed in range(20)]
+    named = [r for r in told if [a["recording"] for a in r["apart"]] == ["r3"]]
+    assert len(named) >= 17
+    for r in named:
+        moved = r["apart"][0]["moved"]
+        assert moved[0]["name"] == "tau"
+        assert abs(moved[0]["value"] - 0.69) < 5 * moved[0]["standard_error"]
+        assert moved[0]["share"] == pytest.approx(0.15, abs=0.05)
+        assert r["verdict"][0]["level"] == "bad"
+        assert r["verdict"][0]["sentence"].startswith("r3 no longer fits the other recordings: tau is 0.6")
+
+
+def test_two_that_differ_are_not_told_which_is_wrong():
+    record = study(0, 2, 0.0, 1.2)
+    sentence = record["verdict"][0]["sentence"]
+    assert sentence.startswith("tau differs between recordings by more than its intervals: 0.6")
+    assert "no longer fits" not in sentence
+    assert "or the model lacks something" in sentence
+    assert record["apart"][0]["moved"][0]["name"] == "tau"
+
+
+def answered(recordings, **more):
+    return pf.fit(pf.Problem(model(), recordings, substeps=1, **more), budget=400)
+
+
+def test_an_answer_is_compared_with_every_recording_alone(tmp_path):
+    rng = np.random.default_rng(5)
+    recordings = {n: recording(rng, n, lag=0.9 if n == "hot" else 0.6) for n in ("a", "b", "hot", "c")}
+    answer = answered(recordings)
+    found = pf.compare_records(answer, budget=400)
+    assert found.agree is False
+    assert found.apart == ("hot",)
+    alone = {a["recording"]: a["value"] for p in found.record["parameters"] if p["name"] == "tau" for a in p["alone"]}
+    by_hand = answered({"hot": recordings["hot"]})
+    assert alone["hot"] == pytest.approx(by_hand.values["tau"], rel=1e-4)
+    own = next(r for r in found.record["recordings"] if r["name"] == "hot")
+    assert own["rmse_alone"] == pytest.approx(0.4, rel=0.2)
+    assert own["rmse_joint"] > 2 * own["rmse_alone"]
+    assert "tau [s]" in found.table()
+    assert found.to_frame().height == 2 * 5
+    page = found.report(tmp_path / "page.html").read_text()
+    assert "hot no longer fits the other recordings" in page
+    assert "What moved" in page
+
+    kept = pf.compare_records(answered({n: r for n, r in recordings.items() if n != "hot"}), budget=400)
+    assert kept.agree
+    assert kept.apart == ()
+    assert "What moved" not in kept.report(tmp_path / "page.html").read_text()
+
+
+def test_what_a_recording_does_not_determine_is_not_compared():
+    rng = np.random.default_rng(6)
+    first, second = recording(rng, "a"), recording(rng, "b")
+    still = Recording(first.t, {"u": Signal(np.zeros(len(first)), "V"), "y": Signal(0.4 * rng.normal(size=len(first)), "K")}, "still")
+    found = pf.compare_records(answered({"a": first, "b": second, "still": still}), budget=400)
+    assert found.agree
+    said = " ".join(v["sentence"] for v in found.record["verdict"])
+    assert "tau is not determined by still alone, and not compared there." in said
+    assert "no longer fits" not in said
+    assert [a["tested"] for a in found.record["parameters"][0]["alone"]] == [True, True, False]
+
+
+def test_parameters_that_may_differ_are_no_disagreement():
+    rng = np.random.default_rng(7)
+    made = equations(
+        "x' = (K*u - x)/tau; y = x + c", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}}, outputs={"y": "K"},
+        parameters={
+            "K": {"bounds": (0.1, 100.0), "unit": "K/V"}, "tau": {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"},
+            "c": {"bounds": (-50.0, 50.0), "unit": "K"},
+        },
+    )  # fmt: skip
+    a, b = recording(rng, "a"), recording(rng, "b")
+    shifted = Recording(b.t, {**b.signals, "y": Signal(b["y"] + 20.0, "K")}, "b")
+    own = {"c": pf.Parameter((-50.0, 50.0), "K", per_recording=True)}
+    found = pf.compare_records(pf.fit(pf.Problem(made, {"a": a, "b": shifted}, own, substeps=1), budget=400), budget=400)
+    assert found.agree
+    assert [p["name"] for p in found.record["parameters"]] == ["K", "tau"]
+
+
+def test_one_recording_is_told_what_to_do():
+    answer = answered({"a": recording(np.random.default_rng(8))})
+    with pytest.raises(RecordingError, match=r"fits one recording, 'a', and there is nothing to compare it with; add another"):
+        pf.compare_records(answer)
+
+
+def test_two_of_five_that_changed_are_both_named_and_a_scatter_names_none():
+    from benchmarks.records_alike import record_of
+
+    rng = np.random.default_rng(9)
+    two = record_of([recording(rng, lag=lag) for lag in (0.6, 0.6, 0.8, 0.6, 1.1)])
+    assert {a["recording"] for a in two["apart"]} == {"r2", "r4"}
+    scattered = record_of([recording(rng, lag=lag) for lag in (0.4, 0.55, 0.7, 0.9)])
+    assert not scattered["apart"]
+    assert "scatters by" in " ".join(v["sentence"] for v in scattered["verdict"])
+    between = next(p["between"] for p in scattered["parameters"] if p["name"] == "tau")
+    assert between == pytest.approx(np.std([0.4, 0.55, 0.7, 0.9], ddof=1), rel=0.5)
+
+
+def test_basins_of_one_cost_are_no_disagreement():
+    """Two lags in a row may be exchanged; a recording that is fitted alone stays at the names that the joint answer has."""
+    rng, records = np.random.default_rng(10), {}
+    made = equations(
+        "v' = (u - v)/a; x' = (v - x)/b; y = x", inputs={"u": "V"}, states={n: {"unit": "V", "initial": 0.0} for n in "vx"},
+        outputs={"y": "V"}, parameters={n: {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"} for n in ("a", "b")},
+    )  # fmt: skip
+    for n in ("one", "two", "three"):
+        u, h = np.repeat(rng.uniform(-2.0, 3.0, 20), 15), 0.05
+        fine = np.repeat(u, 20)
+        decays = np.exp(-h / 20 / np.array([0.2, 1.0]))
+        v = np.concatenate([[0.0], lfilter([1.0 - decays[0]], [1.0, -decays[0]], fine)[:-1]])
+        x = np.concatenate([[0.0], lfilter([1.0 - decays[1]], [1.0, -decays[1]], v)[:-1]])[::20]
+        records[n] = Recording(np.arange(300) * h, {"u": Signal(u, "V"), "y": Signal(x + 0.02 * rng.normal(size=300), "V")}, n)
+    answer = pf.fit(pf.Problem(made, records), budget=800)
+    for seed in range(3):
+        found = pf.compare_records(replace(answer, seed=seed), budget=400, seed=seed)
+        assert found.agree, found.verdict
