@@ -202,7 +202,7 @@ def test_dates_beyond_the_calendar_of_python_are_described(tmp_path):
 
 def test_init_never_blames_the_file_that_it_writes(tmp_path):
     """xlsx 32 of seed 1: "made.toml, [model]: a bound of parameter 'u0' is -inf"."""
-    rows = "".join(f"{k},{(-1) ** k}e308,{k}\n" for k in range(30))
+    rows = "".join(f"{k},{(-1) ** (k // 3)}e308,{(k * 7) % 11}.5\n" for k in range(30))
     (tmp_path / "x.csv").write_text("t [s],u [V],y [mm]\n" + rows)
     with pytest.raises(RecordingError, match="No study file that runs can be made of this recording"):
         init(str(tmp_path / "x.csv"), None, False, True)
