@@ -111,3 +111,35 @@ def test_the_core_imports_no_extra():
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert told.stdout.strip() == "[]", told.stderr
+
+
+def test_extras_that_no_other_test_takes_away_explain_themselves(tmp_path, monkeypatch):
+    """`postgres`, `cluster`, `board` and `trust` are taken away in test_postgres, test_cluster, test_cli_record, test_cli_sensitivity."""
+    from plantfit.bridges import python_control
+    from plantfit.recording import read
+
+    monkeypatch.setitem(sys.modules, "fastexcel", None)
+    (tmp_path / "x.xlsx").write_bytes(b"PK")
+    with pytest.raises(errors.MissingExtra, match=r"x\.xlsx needs the package fastexcel; install it with: pip install 'plantfit\[xlsx\]'"):
+        read(tmp_path / "x.xlsx")
+    monkeypatch.setitem(sys.modules, "control", None)
+    head = python_control._CONTROL.partition("A, C =")[0]  # of every file that `plantfit export --to control` writes
+    with pytest.raises(ImportError, match=r"needs the package control; install it with: pip install 'plantfit\[control\]'"):
+        exec(head, {})
+
+
+def test_everything_vendored_is_in_the_notice_with_its_licence():
+    notice = (ROOT / "NOTICE").read_text("utf-8")
+    cases = ROOT / "src" / "plantfit" / "cases"
+    vendored = [p for p in cases.rglob("*") if p.name.endswith((".csv", ".csv.gz", ".dat", ".mat", ".parquet"))]
+    assert len(vendored) >= 10
+    for path in vendored:
+        case = path.relative_to(cases).parts[0]
+        assert re.search(rf"^{case}/", notice, re.M), path
+    named = re.findall(r"src/plantfit/cases/\S*LICENSE\S*\.txt", notice)
+    assert len(named) >= 5
+    assert all((ROOT / name).is_file() for name in named)
+    assert {str(p.relative_to(ROOT)) for p in cases.rglob("LICENSE*")} == set(named)
+    for name in ("CITATION.cff", "SECURITY.md", "NOTICE", "LICENSE"):
+        assert name in (ROOT / "MANIFEST.in").read_text("utf-8")
+    assert f"version: {PROJECT['version']}" in (ROOT / "CITATION.cff").read_text("utf-8")

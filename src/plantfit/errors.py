@@ -18,6 +18,7 @@ Messages are one sentence that names file, place and value, then what to do.
 """
 
 import enum
+import re
 
 
 class PlantfitError(Exception):
@@ -111,6 +112,24 @@ class Interrupted(PlantfitError):
 
 class PlantfitWarning(UserWarning):
     """Something that works otherwise than usual, in one sentence; the command line prints it, Python warns."""
+
+
+def in_words(error: BaseException) -> str:
+    """What an exception of Python or a library says of a value, in at most 200 characters, as part of a sentence for a user.
+
+    Where it speaks of code alone ("'int' object is not iterable") it is said that a value is of the wrong kind.
+    """
+    if isinstance(error, TypeError | AttributeError | ValueError | IndexError) and _OF_CODE.search(str(error)):
+        return "a value is of the wrong kind"
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+_OF_CODE = re.compile(
+    r"^ufunc |<class '|object at 0x|NoneType|unsupported operand|object has no attribute|not subscriptable|indices must be integers"
+    r"|required positional|object (is not|cannot|does not)|a real number|not supported between|could not be (broadcast|convert)|bad operand"
+    r"|truth value|operands could not|only (integer|0-dim|size-1|length-1)|setting an array element|must be str|unhashable|ambiguous"
+    r"|inhomogeneous|loop with signature|isn't supported|Cannot interpret|too many values|not enough values|interpreted as an integer"
+)
 
 
 class Status(enum.StrEnum):

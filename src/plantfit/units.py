@@ -153,7 +153,7 @@ def _spell(text: str) -> str:
 def _suggestion(text: str, error: Exception) -> str:
     names = getattr(error, "unit_names", ())
     unknown = (names if isinstance(names, str) else (names[0] if names else "")) or text
-    close = difflib.get_close_matches(unknown, _COMMON, n=3, cutoff=0.5)
+    close = difflib.get_close_matches(unknown, _COMMON, n=3, cutoff=0.6)
     rare = difflib.get_close_matches(unknown, [str(name) for name in registry()._units], n=3, cutoff=0.75)
     close += [name for name in rare if name not in close]
     if not close:

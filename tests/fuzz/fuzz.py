@@ -5,6 +5,7 @@ Each is written to `fuzz-finds/` with its traceback; it becomes a regression tes
 """
 
 import argparse
+import re
 import resource
 import signal
 import sys
@@ -25,6 +26,11 @@ from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitError
 
 SECONDS, BYTES = 10.0, 2 * 2**30
+# words of Python and its libraries about code, which tell a user nothing about a file
+CODE = re.compile(
+    r"ufunc|<class '|object at 0x|NoneType|unsupported operand|has no attribute|not subscriptable|indices must be|required positional arg"
+    r"|object (is not|cannot)|a real number, not|not supported between|could not be broadcast|\bbool\(\)|loop with signature"
+)
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,8 @@ def fed(layer: str, content: bytes, folder: Path) -> tuple[str, str]:
         return "find", "".join(traceback.format_exception(error))
     if not said.strip() or len(said) > 2000 or "Traceback" in said:
         return "find", f"a sentence of {len(said)} characters: {said[:3000]}"
+    if found := CODE.search(said):
+        return "find", f"a sentence that speaks of code ({found[0]!r}): {said}"
     return "refused", said
 
 

@@ -1,4 +1,5 @@
-"""Broken inputs by layer: a good file of each kind, mutated by a seeded generator, and what reads it."""
+"""Broken inputs by layer: a good file of each kind, its bytes mutated or what it holds exchanged (fuzz_shapes.py) by a seeded generator,
+and what reads it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import fuzz_shapes as shapes
 import numpy as np
 
 WORDS = [
@@ -146,6 +148,84 @@ kind = "gain"
 limit = 1.0
 unit = "%"
 """
+RICH = """name = "spring"
+balance = "recordings"
+standard_errors = "classical"
+[scales]
+y = 0.5
+[recording.a]
+file = "good.csv"
+signals = { F = "u [V]", y = "y [mm]" }
+units = {}
+unmeasured = ["w"]
+fit = [0.5, 2.0]
+validate = [2.5, 3.5]
+before = { F = 0.0 }
+clean = [
+  { step = "fill_gaps", signal = "y", longest = 1.0 }, { step = "detrend", signal = "y" }, { step = "scale", signal = "F", factor = 2.0 },
+  { step = "shift_time", seconds = 0.05 }, { step = "resample", period = 0.05 }, { step = "drop_outliers", signal = "y" },
+]
+[recording.b]
+file = "good.csv"
+period = 0.1
+signals = { F = "u [V]", y = "y [mm]", w = "t [s]" }
+units = {}
+skip = 0.2
+[model]
+equations = '''
+x' = v
+v' = (F - friction(v, Fc, Fs) - k(x)*x - c*x)/m
+z = play(delay(F, L)*a, gap)
+when falling(x): v = -cr*v, x = 0
+y = x + z
+w = v*g0
+'''
+inputs = { F = "V" }
+states = { x = { unit = "mm", initial = "y" }, v = { unit = "mm/s", initial = 0.0 }, z = { unit = "mm", initial = "x0" } }
+outputs = { y = "mm", w = "s" }
+constants = { g0 = "1.5" }
+hold = { F = "linear" }
+check_units = false
+[model.tables.k]
+over = ["x"]
+nodes = [[-1.0, 0.0, 1.0]]
+unit = "N/mm"
+[parameters]
+k = { bounds = [[0.1, 0.1, 0.1], [2.0, 2.0, 2.0]], smooth = 0.1 }
+Fc = { bounds = [0.01, 1.0], start = 0.1, limits = [0.0, inf], typical = 1.0 }
+Fs = { tied = "Fc" }
+c = { value = 1.0 }
+m = { bounds = [0.1, 10.0], scale = "log", unit = "kg" }
+L = { bounds = [0.0, 0.5] }
+a = { bounds = [-1.0, 1.0], per_recording = true }
+gap = { bounds = [0.0, 0.2] }
+cr = { bounds = [0.0, 1.0] }
+x0 = { value = 0.0 }
+[simulation]
+stepper = "rk4"
+substeps = 2
+[search]
+methods = ["auto", "cmaes"]
+runs = 2
+seed = 3
+shooting = 4
+settings = { cmaes = { population = 12 } }
+[uncertainty.u1]
+of = ["F"]
+kind = "offset"
+repeats = [5.007, 4.994, 5.005]
+per_recording = true
+[uncertainty.u2]
+of = "clock"
+standard = 20.0
+unit = "ppm"
+recordings = ["a"]
+[propagation]
+draws = 20
+[control]
+output = "y"
+input = "F"
+"""
 EQUATIONS = b"""x1' = x2
 x2' = (K*delay(u, L) - c*x2 - k(x1)*x1 + 0.1*sin(3*t)) / m
 y = x1 + max(0, x2)*exp(-x1^2) - sqrt(abs(x1))
@@ -274,6 +354,23 @@ LAYERS = {
 }
 
 
+SHAPED: dict[str, Callable[[np.random.Generator], bytes]] = {
+    "csv": lambda rng: shapes.cells(_csv(), rng),
+    "parquet": lambda rng: shapes.frames(rng, _frame()),
+    "xlsx": lambda rng: shapes.sheets(rng, _frame()),
+    "mat": shapes.matrices,
+    "npz": lambda rng: shapes.arrays(_npz(), rng),
+    "toml": lambda rng: shapes.studies(RICH if rng.random() < 0.5 else STUDY.decode(), rng),
+    "equations": lambda rng: shapes.tokens(EQUATIONS, rng),
+    "store": lambda rng: shapes.rows(_store(), rng),
+    "json": lambda rng: shapes.texts_of_json(_json(), rng),
+    "export": lambda rng: shapes.exports(_export_parquet(), rng),
+    "serial": shapes.lines,
+}
+SHARE = 0.6  # of inputs that a parser lets through
+
+
 def drawn(layer: str, seed: int, number: int) -> bytes:
     """Input `number` of a layer: a function of its arguments alone."""
-    return mutated(LAYERS[layer].good(), np.random.default_rng([seed, number, *layer.encode()]))
+    rng = np.random.default_rng([seed, number, *layer.encode()])
+    return SHAPED[layer](rng) if rng.random() < SHARE else mutated(LAYERS[layer].good(), rng)

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzz_cli import judged
-from fuzz_inputs import LAYERS, WORDS, drawn, mutated
+from fuzz_inputs import LAYERS, SHAPED, WORDS, drawn, mutated
 
 from fuzz import Hang, fed, fuzz, limited, main
+from plantfit.cli.commands.before.init import init
 from plantfit.errors import BoardError, EquationError, RecordingError, StoreError
-from plantfit.recording import read
+from plantfit.recording import describe, read
 from plantfit.recording.readers.panics import unheard
 from plantfit.rig.board.protocol import Hello
 from plantfit.study import Store
@@ -49,6 +50,14 @@ def test_many_matlab_files():
     assert not fuzz(1, 300, layers=("mat",))[1]
 
 
+@pytest.mark.parametrize("layer", SHAPED)
+def test_inputs_come_past_the_parser(layer, tmp_path):
+    """Else the rooms behind it are not tried: of files that are whole and wrong inside some are read and some refused."""
+    inputs = [SHAPED[layer](np.random.default_rng([3, n])) for n in range(40)]
+    assert inputs[:5] == [SHAPED[layer](np.random.default_rng([3, n])) for n in range(5)]
+    assert {fed(layer, content, tmp_path)[0] for content in inputs} == {"read", "refused"}
+
+
 def test_inputs_are_a_function_of_the_seed():
     assert drawn("toml", 1, 2) == drawn("toml", 1, 2)
     assert len({drawn("toml", 1, n) for n in range(50)}) > 45
@@ -59,7 +68,8 @@ def test_inputs_are_a_function_of_the_seed():
 def test_the_fuzzer_finds(tmp_path, monkeypatch, capsys):
     """A reader that fails, says too much, or does not end, is a find."""
     monkeypatch.chdir(tmp_path)
-    for error in (KeyError("x"), RecordingError(""), EquationError("Traceback (most recent call last)")):
+    code = RecordingError("x.csv: 'int' object is not iterable; correct it.")
+    for error in (KeyError("x"), RecordingError(""), EquationError("Traceback (most recent call last)"), code):
 
         def fail(path, error=error):
             raise error
@@ -99,8 +109,10 @@ def test_what_the_fuzzer_of_the_cli_finds():
     sentence = "plantfit: x.csv is broken.\n"
     assert judged(5, sentence, 1.0, 2**20) is None
     assert judged(0, "", 1.0, 2**20) is None
+    assert judged(0, "", 60.0, 2**20) is None  # compiled what is good
+    own = "plantfit: made.toml is not valid TOML.\n"
     for found in ((-11, "", 1.0, 0), (70, sentence, 1.0, 0), (5, "Traceback", 1.0, 0), (5, "", 1.0, 0), (5, "x\n" * 30, 1.0, 0),
-                  (0, "", 20.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
+                  (5, sentence, 20.0, 0), (0, "", 100.0, 0), (7, own, 1.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
         assert judged(*found), found
 
 
@@ -171,3 +183,23 @@ def test_what_no_panic_wrote_is_not_lost(capfd):
     with unheard():
         os.write(2, b"thread 'x' panicked at y\n")
     assert capfd.readouterr().err == "a warning\n"
+
+
+def test_dates_beyond_the_calendar_of_python_are_described(tmp_path):
+    """npz 83 of seed 1 through the command line: "year -80233 is out of range"."""
+    far = np.array([-2_600_000_000_000, 0, 2_600_000_000_000], "datetime64[s]")
+    np.savez(tmp_path / "x.npz", t=np.arange(3.0), y=np.arange(3.0), z=far)
+    first = describe(tmp_path / "x.npz").columns[2].first
+    assert int(first[0]) < int(first[1]) == 0 < int(first[2])
+    near = np.array([0, 1, 2], "datetime64[s]")
+    np.savez(tmp_path / "x.npz", t=np.arange(3.0), y=np.arange(3.0), z=near)
+    assert describe(tmp_path / "x.npz").columns[2].first[0] == "1970-01-01 00:00:00"
+
+
+def test_init_never_blames_the_file_that_it_writes(tmp_path):
+    """xlsx 32 of seed 1: "made.toml, [model]: a bound of parameter 'u0' is -inf"."""
+    rows = "".join(f"{k},{(-1) ** k}e308,{k}\n" for k in range(30))
+    (tmp_path / "x.csv").write_text("t [s],u [V],y [mm]\n" + rows)
+    with pytest.raises(RecordingError, match="No study file that runs can be made of this recording"):
+        init(str(tmp_path / "x.csv"), None, False, True)
+    assert not (tmp_path / "x.toml").exists()

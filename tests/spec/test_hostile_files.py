@@ -58,6 +58,8 @@ def said(text, tmp_path):
         ('name = "x"', f'name = ["{"k" * 90_000}"]'),
         ("[0.0, 1.0]", "[0.0, 1.0]\n[search]\nmethods = [[]]"),
         ("[0.0, 1.0]", "[0.0, 1.0]\n[search.settings]\nauto = 7"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nmethods = ['pso']\nsettings = {{ pso = {{ population = {LONG} }} }}"),
+        ("[0.0, 1.0]", f"[0.0, 1.0]\n[search]\nmethods = ['pso']\nsettings = {{ pso = {{ inertia = -{LONG} }} }}"),
         ("[0.0, 1.0]", "[0.0, 1.0]\nscale = []"),
         ('file = "x.csv"', 'file = "x.csv"\nclean = [7]'),
         ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = [1] }]'),
@@ -71,6 +73,22 @@ def said(text, tmp_path):
 def test_one_sentence_each(old, new, tmp_path):
     assert old in TEXT
     said(TEXT.replace(old, new), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [
+        ('{ step = "cut", start = "x" }', "a value is of the wrong kind"),
+        ('{ step = "lowpass", cutoff = 1.0 }', "missing a required argument: 'signal'"),
+        ('{ step = "lowpass", signal = "u", cutof = 1.0 }', "cutof"),
+        ('{ step = "resample" }', "missing a required argument: 'period'"),
+    ],
+)
+def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
+    """Not "ufunc 'greater_equal' did not contain a loop", nor that `lowpass` lacks a name, which study files call signal."""
+    sentence = said(TEXT.replace('file = "x.csv"', f'file = "x.csv"\nclean = [{step}]'), tmp_path)
+    assert told in sentence
+    assert "recording.a.clean[0]" in sentence
 
 
 def test_the_text_itself_is_good(tmp_path):

@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 
+import polars as pl
 import pytest
 from study_fakes import FakeSearch, objective
 
@@ -62,6 +63,25 @@ def test_wrong_kinds_of_numbers_never_come_out(place):
         Store.open(place).runs(1)
 
 
+@pytest.mark.parametrize(
+    ("bend", "told"),
+    [
+        (lambda plan: plan.update(tau=[1]), "has the unknown 'tau'"),
+        (lambda plan: plan.pop("name"), "lacks 'name'"),
+        (lambda plan: plan.update(name=7), "has the name 7"),
+        (lambda plan: plan.update(settings={"pso": {"population": 10**400}}), "outside its range"),
+    ],
+)
+def test_a_stored_plan_with_other_keys(bend, told, place):
+    """store 883 of seed 1, 1396 and 1988 of seed 2: TypeError of Plan.__init__()."""
+    with sqlite3.connect(place) as connection:
+        plan = json.loads(connection.execute("SELECT plan FROM study").fetchone()[0])
+        bend(plan)
+        connection.execute("UPDATE study SET plan = ?", (json.dumps(plan),))
+    with pytest.raises(PlantfitError, match=told):
+        Store.open(place).plan(1)
+
+
 def test_half_characters_in_an_export(place, tmp_path):
     Store.open(place).export_json(1, tmp_path / "x.json")
     text = (tmp_path / "x.json").read_text()
@@ -73,6 +93,47 @@ def test_half_characters_in_an_export(place, tmp_path):
     (tmp_path / "x.json").write_text("\ufeff" + whole)
     assert read_study(tmp_path / "x.json").study.name == "\U0001f600"
     assert json.loads(whole)
+
+
+def test_half_characters_in_the_metadata_of_parquet(place, tmp_path):
+    """export 12 of seed 7, as mutated by what it holds: UnicodeEncodeError from the database."""
+    Store.open(place).export_parquet(1, tmp_path / "x.parquet")
+    frame = pl.read_parquet(tmp_path / "x.parquet")
+    text = pl.read_parquet_metadata(tmp_path / "x.parquet")["plantfit"]
+    frame.write_parquet(tmp_path / "x.parquet", metadata={"plantfit": text.replace("gearmotor", "\\ud800")})
+    with pytest.raises(StoreError, match="not Unicode"):
+        Store.open(tmp_path / "into.db").import_file(tmp_path / "x.parquet")
+    frame.write_parquet(tmp_path / "x.parquet", metadata={"plantfit": "[" * 100_000})
+    with pytest.raises(StoreError, match="broken metadata"):
+        read_study(tmp_path / "x.parquet")
+
+
+def test_a_schema_that_is_no_text(place):
+    """store 467 of seed 101: sqlite3 cannot decode its own message about a broken schema."""
+    whole = place.read_bytes()
+    spoiled = whole.replace(b"CREATE TABLE study", b"CREATE TABL\xf6 study")
+    assert spoiled != whole
+    place.write_bytes(spoiled)
+    with pytest.raises(StoreError, match=r"s\.db is damaged; restore it from a copy"):
+        Store.open(place)
+
+
+@pytest.mark.parametrize(
+    ("bend", "told"),
+    [
+        (lambda r: r["runs"][0].update(x=[[1.0], 2.0, 3.0]), r"runs\[0\]: a value is of the wrong kind"),
+        (lambda r: r["runs"].insert(0, "x"), r"runs\[0\]: a value is of the wrong kind"),
+        (lambda r: r["study"].update(versions=7), "study: a value is of the wrong kind"),
+        (lambda r: r["tasks"][0].update(first="x"), r"tasks\[0\]: 'x' in place of a whole number"),
+    ],
+)
+def test_an_export_whose_values_are_of_another_kind_is_told_in_words(bend, told, place, tmp_path):
+    Store.open(place).export_json(1, tmp_path / "x.json")
+    record = json.loads((tmp_path / "x.json").read_text())
+    bend(record)
+    (tmp_path / "x.json").write_text(json.dumps(record))
+    with pytest.raises(StoreError, match=told):
+        read_study(tmp_path / "x.json")
 
 
 def test_a_store_where_nothing_can_be_written_can_be_read(place, monkeypatch):

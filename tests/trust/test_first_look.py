@@ -101,3 +101,17 @@ def test_some_missing_samples_do_not_matter():
     y = recorded("first order", 0)["y"].copy()
     y[50:60] = np.nan
     assert baseline([halves(changed(y=y))]).rmse["unseen"] == pytest.approx(NOISE, rel=0.2)
+
+
+def test_coherence_is_said_once_for_an_output():
+    """It is with all inputs together, so a sentence for each input would say the same again."""
+    rng = np.random.default_rng(7)
+    n = 1200
+    a, b = np.repeat(rng.choice([-1.0, 1.0], n // 20), 20), np.repeat(rng.choice([-1.0, 1.0], n // 30), 30)
+    y = np.zeros(n)
+    for k in range(n - 1):
+        y[k + 1] = 0.9 * y[k] + 0.1 * (a[k] + b[k])
+    signals = {"a": Signal(a), "b": Signal(b), "y": Signal(y + rng.normal(0, 0.02, n))}
+    record = Recording(np.arange(n) * 0.1, signals)
+    said = [row["sentence"] for row in look(record, ["a", "b"], ["y"])["verdict"]]
+    assert len([s for s in said if s.startswith("Coherence of y")]) == 1

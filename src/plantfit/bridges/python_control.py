@@ -12,8 +12,12 @@ Needs python-control. The plant near its rest: {output} = {y0:.6g} at {input} = 
 the whole plant is their sum, each behind its dead time. `system(pade)` is one StateSpace with dead time as Pade fractions of that order.
 """
 
-import control as ct
 import numpy as np
+
+try:
+    import control as ct
+except ImportError:
+    raise ImportError("This file needs the package control; install it with: pip install 'plantfit[control]'") from None
 
 A, C = {A}, {C}
 U0, Y0, X0 = {u0!r}, {y0!r}, {x0}

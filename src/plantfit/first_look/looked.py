@@ -83,11 +83,12 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
         return row | {key: [] for key in ("f", "gain", "phase", "radius", "coherence", "model_gain", "model_phase")}
     model = fit.response(k, h.f)
     seen = np.isfinite(h.response) & (h.coherence > 0.5)
-    if moves and seen.any():
+    first = k == int(np.argmax(np.ptp(data.inputs, axis=0) > 0))  # coherence is with all inputs together: said once
+    if moves and first and seen.any():
         text = f"Coherence of {data.output} with the inputs is above 0.5 from {h.f[seen].min():.3g} to {h.f[seen].max():.3g} Hz"
         share = np.mean(seen[(h.f >= h.f[seen].min()) & (h.f <= h.f[seen].max())])
         said.append(_said("info", text + (", with gaps." if share < 0.9 else ".")))
-    elif moves:
+    elif moves and first:
         said.append(_said("warning", f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer."))
     return row | {
         "f": h.f.tolist(), "gain": np.abs(h.response).tolist(), "phase": np.degrees(np.unwrap(np.angle(h.response))).tolist(),

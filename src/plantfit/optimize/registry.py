@@ -186,7 +186,8 @@ def make(name: str, /, **settings: Any) -> Population | Host:
         return build(REGISTRY[name].kind, name, settings)
     methods = known()
     if name not in methods:
-        raise SearchError(f"There is no method {name!r}; there are {list(methods)}.{close_match(name, methods)}")
+        hint = close_match(name, methods) or f" There are {', '.join(list(methods)[:4])} and {len(methods) - 4} more."
+        raise SearchError(f"There is no method {name!r}.{hint} `plantfit methods` lists all.")
     return build(methods[name].kind, name, settings)
 
 

@@ -49,12 +49,13 @@ def _checked(name: str, field: dataclasses.Field, value: Any) -> Any:
     if "range" not in meta or (value is None and field.default is None):
         return value
     low, high = meta["range"]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or (isinstance(value, float) and not math.isfinite(value)):
         raise SearchError(f"{where} is {value!r}; give a number from {low:g} to {high:g}.")
+    if not low <= value <= high:
+        shown = f"{value:g}" if abs(value) < 1e300 else "a number too large to be one"  # an int may have any number of digits
+        raise SearchError(f"{where} is {shown}, outside its range; give a value from {low:g} to {high:g}.")
     if meta["integer"] and int(value) != value:
         raise SearchError(f"{where} is {value!r}; give a whole number from {low:g} to {high:g}.")
-    if not low <= value <= high:
-        raise SearchError(f"{where} is {value:g}, outside its range; give a value from {low:g} to {high:g}.")
     return int(value) if meta["integer"] else float(value)
 
 

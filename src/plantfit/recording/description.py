@@ -79,9 +79,17 @@ def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
     cells = clean_text(column.cells) if column.cells.dtype == pl.String else column.cells
     numeric = mostly_numbers(found, column)
     finite = values[np.isfinite(values)] if numeric else np.zeros(0)
-    first = tuple("" if cell is None else str(cell) for cell in column.cells.head(3).to_list())
+    first = tuple("" if cell is None else str(cell) for cell in _plain(column.cells.head(3)))
     missing = cells.null_count() + (int(cells.is_nan().sum()) if cells.dtype.is_float() else 0)
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
     kind = "time" if is_time else "number" if numeric else "text"
     start = float(finite[0]) if len(finite) else None
     return ColumnSummary(column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first, start)
+
+
+def _plain(cells: pl.Series) -> list[Any]:
+    """Cells as Python's; the numbers behind dates that are outside of its calendar."""
+    try:
+        return cells.to_list()
+    except (ValueError, OverflowError):
+        return cells.to_physical().to_list()

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plantfit.errors import SpecError
+from plantfit.errors import SpecError, in_words
 from plantfit.spec.limits import check_tables
 from plantfit.spec.tables import validated
 
@@ -45,4 +45,7 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     check_tables(table, path)
     from plantfit.spec.study import study_of  # jax, after the file has been understood
 
-    return study_of(table, text, path, files or {})
+    try:
+        return study_of(table, text, path, files or {})
+    except (OverflowError, RecursionError) as error:
+        raise SpecError(f"{path.name}: a number is too large or something nested too deeply ({in_words(error)}); correct it.") from error

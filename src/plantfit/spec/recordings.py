@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from plantfit import recording as rec
-from plantfit.errors import SpecError
+from plantfit.errors import SpecError, in_words
 from plantfit.problem import Experiment, split
 from plantfit.recording.unmeasured import unmeasured
 from plantfit.spec.limits import check_step
@@ -45,15 +45,24 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
             )
         try:
             function = getattr(rec, kind)
-            names = inspect.signature(function).parameters
+            names = (signature := inspect.signature(function)).parameters
             if "signal" in arguments and "signal" not in names and "name" in names:  # what study files call the name of a signal
                 arguments["name"] = arguments.pop("signal")
             check_step(arguments, len(record), f"{path.name}: recording.{name}.clean[{i}] ({kind})")
+            _check_names(signature, arguments)
             record = function(record, **arguments)
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
-            told = (str(error).splitlines() or [type(error).__name__])[0].removeprefix(f"{kind}() ")
-            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told[:200]}; see docs/recordings.md.") from error
+            told = in_words(error).removeprefix(f"{kind}() ")
+            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md.") from error
     return unmeasured(record, r.unmeasured) if r.unmeasured else record
+
+
+def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
+    """TypeError in the words of a study file where a step gets too many or too few of its arguments."""
+    try:
+        signature.bind(None, **arguments)
+    except TypeError as error:
+        raise TypeError(str(error).replace("required argument: 'name'", "required argument: 'signal'")) from None
 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:

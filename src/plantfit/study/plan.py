@@ -1,7 +1,7 @@
 """What a study is to do: methods, runs, budget and seed, cut into fixed chunks of runs."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from plantfit.errors import SearchError
@@ -55,7 +55,15 @@ class Plan:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> "Plan":
-        """A plan from `record()`."""
+        """A plan from `record()`. Raises SearchError for one with other keys, as of a newer plantfit or a damaged database."""
+        needed, known = {"name", "methods"}, {f.name for f in fields(cls)}
+        odd = sorted(needed - {*record}) or sorted({*record} - known)
+        if odd:
+            has = "lacks" if odd[0] in needed else "has the unknown"
+            raise SearchError(
+                f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer plantfit or damaged, so update plantfit, "
+                "or restore the database from a copy."
+            )
         return cls(**{**record, "methods": tuple(record["methods"])})
 
 

@@ -259,7 +259,8 @@ class _Reader:
         if name in CROSSINGS:
             raise self._fail(f"{name}() stands only after 'when'; write when {name}(x): v = -c*v.", place)
         if name not in known:
-            hint = f"{suggest(name, known)} Known are {', '.join(sorted(known))}; a table must be declared."
+            some = ", ".join(n for n in ("sin", "exp", "sqrt", "tanh", "min", "where", "delay", "friction") if n in known)
+            hint = suggest(name, known) or f" There are {some} and {len(known) - 8} more (docs/models.md); a table must be declared."
             raise self._fail(f"The function {name!r} is not known.{hint}", place)
         if node.keywords:
             raise self._fail(f"Arguments have no names here; write {FUNCTIONS[name].usage}.", place)

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 from typing import Any
 
 from plantfit.errors import BoardError, MissingExtra
@@ -67,7 +68,9 @@ def _pyserial() -> Any:
 
 
 def _why_not(port: str, error: Exception) -> str:
-    code = getattr(error, "errno", None)
+    code, text = getattr(error, "errno", None), str(error)
+    if os.name == "nt" and (inner := re.search(r"(\w*Error)\(\d+, ['\"](.*?)['\"]", text)):  # pyserial says so, and gives no number
+        code, text = {"FileNotFoundError": errno.ENOENT, "PermissionError": errno.EBUSY}.get(inner[1]), inner[2]
     if code == errno.ENOENT or not (os.path.exists(port) or "://" in port or os.name == "nt"):
         found = ports()
         return f"There is no port {port}; " + (
@@ -75,8 +78,8 @@ def _why_not(port: str, error: Exception) -> str:
         )
     if code in (errno.EACCES, errno.EPERM):
         return f"Port {port} may not be opened by this user; add the user to the group that owns it (often dialout) and log in again."
-    if code in (errno.EAGAIN, errno.EBUSY) or "lock" in str(error):
+    if code in (errno.EAGAIN, errno.EBUSY) or "lock" in text:
         return f"Port {port} is in use by another program; close that program first."
-    if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "configure port" in str(error):
+    if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "configure port" in text:
         return f"{port} is not a serial port; give the board's port, as in /dev/ttyACM0 or COM3."
-    return f"Port {port} cannot be opened ({error}); check the cable and the name."
+    return f"Port {port} cannot be opened ({text}); check the cable and the name."

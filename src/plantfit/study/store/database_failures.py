@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from sqlalchemy.exc import DBAPIError
 
-from plantfit.errors import StoreError
+from plantfit.errors import StoreError, in_words
 from plantfit.study.store.addresses import concealed
 
 KEPT = "finished runs are kept"
@@ -55,6 +55,8 @@ def translated(name: str, address: str = "") -> Iterator[None]:
         raise StoreError(f"Study database {name} {concealed(_sentence(error.orig), address)}") from error
     except sqlite3.Error as error:
         raise StoreError(f"Study database {name} {_sentence(error)}") from error
+    except UnicodeDecodeError as error:  # sqlite3 cannot say what is wrong, because the words of a broken schema stand in it
+        raise StoreError(f"Study database {name} {_SENTENCES['SQLITE_CORRUPT']}") from error
 
 
 @contextmanager
@@ -63,9 +65,9 @@ def readable(name: str, study_id: int) -> Iterator[None]:
     try:
         yield
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError, zlib.error) as error:
-        told = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise StoreError(
-            f"Study {study_id} in {name} has a row that cannot be read ({told}); restore the database from a copy, or delete the study."
+            f"Study {study_id} in {name} has a row that cannot be read ({in_words(error)}); restore the database from a copy, "
+            "or delete the study."
         ) from error
 
 
@@ -74,6 +76,8 @@ def _sentence(error: BaseException | None) -> str:
     for known, sentence in _SENTENCES.items():
         if code.startswith(known):
             return sentence
+    if text.startswith(("duplicate column", "no such index")) or text.endswith("already exists"):
+        return f"was changed by another program ({text}); restore it from a copy."
     if text.startswith(("no such column", "no such table")):
         return f"lacks a table or column ({text}); it was changed by another program, so restore it from a copy."
     state = str(getattr(error, "sqlstate", None) or _state_by_text(text))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from plantfit.errors import Status, StoreError
+from plantfit.errors import Status, StoreError, in_words
 from plantfit.recording.readers.panics import unheard
 from plantfit.recording.readers.tried import crash
 from plantfit.study.plan import MOST_RUNS
@@ -54,14 +54,15 @@ def _from_json(path: Path) -> WholeStudy:
         record = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise _Refused(f"is not an exported study, or broken ({error}); {AGAIN}") from error
-    if re.search(r"\\ud[89a-f]", text, re.IGNORECASE):
-        _refuse_surrogates(record)
+    _refuse_surrogates(record, text)
     head = _header(record)
     return _joined(head, (_run_of_json(values, place) for values, place in _listed(record, "runs")))
 
 
-def _refuse_surrogates(record: Any) -> None:
+def _refuse_surrogates(record: Any, text: str) -> None:
     """Halves of characters, which JSON can write and no database can hold."""
+    if not re.search(r"\\ud[89a-f]", text, re.IGNORECASE):
+        return
     try:
         json.dumps(record, ensure_ascii=False).encode()
     except UnicodeEncodeError as error:
@@ -85,9 +86,11 @@ def _from_parquet(path: Path) -> WholeStudy:
         reason = (str(error).splitlines() or ["unreadable"])[0]
         raise _Refused(f"is a broken Parquet file ({reason}); {AGAIN}") from error
     try:
-        head = _header(json.loads(text))
-    except ValueError as error:
+        record = json.loads(text)
+    except (ValueError, RecursionError) as error:
         raise _Refused(f"has broken metadata ({error}); {AGAIN}") from error
+    _refuse_surrogates(record, text)
+    head = _header(record)
     return _joined(head, _runs_of_frame(frame))
 
 
@@ -239,5 +242,4 @@ def _place(place: str) -> Iterator[None]:
     except KeyError as error:
         raise _Refused(f"is broken ({place} lacks {error}); {AGAIN}") from error
     except (ValueError, TypeError, AttributeError, OverflowError, pl.exceptions.PolarsError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise _Refused(f"is broken ({place}: {reason}); {AGAIN}") from error
+        raise _Refused(f"is broken ({place}: {in_words(error)}); {AGAIN}") from error

@@ -209,7 +209,8 @@ def _fixes(names: Sequence[str], bases: Sequence[np.ndarray], loose: Sequence[in
     def closes(subset: tuple[int, ...]) -> bool:
         return all(np.linalg.svd(b[list(subset)], compute_uv=False)[-1] > 1e-4 for b in bases)
 
-    return [tuple(names[i] for i in s) for s in islice((s for s in islice(choices(loose, k), SUBSETS) if closes(s)), 6)]
+    found: list[tuple[int, ...]] = list(islice((s for s in islice(choices(loose, k), SUBSETS) if closes(s)), 6))
+    return [tuple(str(names[i]) for i in s) for s in found]
 
 
 def _rough(names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], held: set[str]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, quoted, study_text
 from plantfit.cli.terminal.out import out, print_json
-from plantfit.errors import RecordingError, SpecError
+from plantfit.errors import PlantfitError, RecordingError, SpecError
 
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
@@ -192,7 +192,13 @@ def _checked(text: str, target: Path) -> None:
     """The file must read back and give a problem before it is written."""
     from plantfit import spec
 
-    spec.parse(text, target)
+    try:
+        spec.parse(text, target)
+    except PlantfitError as error:  # of a file that the user has not seen
+        raise RecordingError(
+            f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of its "
+            "columns, or write one by hand (docs/study-file.md)."
+        ) from error
 
 
 def _compared(files: list[Path], json: bool) -> None:
