@@ -49,12 +49,12 @@ def test_the_scatter_between_recordings_is_found():
 
 
 def test_few_degrees_of_freedom_raise_no_more_alarms_than_five_in_a_hundred():
-    rng, freedom, n = np.random.default_rng(2), 8.0, 2000
+    rng, freedom, n = np.random.default_rng(2), 4.0, 2000
     errors = np.sqrt(rng.chisquare(freedom, (n, 3)) / freedom)
     values = rng.normal(size=(n, 3))
     told = np.mean([heterogeneity(v, s, np.full(3, freedom)).p < 0.05 for v, s in zip(values, errors, strict=True)])
-    assert 0.03 < told < 0.07
-    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.08
+    assert 0.02 < told < 0.07
+    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09  # Q alone
 
 
 def test_all_at_once_is_the_sum_of_squares_of_what_is_independent():
