@@ -75,7 +75,8 @@ def test_recordings_of_one_plant_are_seldom_called_different(memory):
     """Of 100 studies of two recordings 5 may be; 13 has a chance of one in a thousand."""
     told = [study(seed, 2, memory) for seed in range(STUDIES)]
     assert sum(r["agree"] is False for r in told) < 13
-    assert all(r["agree"] is not None for r in told)
+    # slow noise leaves some recordings too few independent samples for intervals that hold, and these are not compared
+    assert sum(r["agree"] is not None for r in told) >= (70 if memory else STUDIES)
     agreed = next(r for r in told if r["agree"])
     assert agreed["verdict"][0]["sentence"].startswith("The recordings agree on all parameters (2 recordings; ")
 
