@@ -71,9 +71,12 @@ def test_what_stood_for_two_causes_is_dropped_when_both_are_found(tmp_path):
     d = diagnose(answer.problem, answer.best.x)
     assert {t.extension.kind for t in d.found} == {"coulomb", "dead_time"}
     assert [e.kind for e in d.dropped] == ["sensor_lag"]
-    said = [s["sentence"] for s in diagnosis_record(d)["verdict"]]
+    record = diagnosis_record(d)
+    assert record["dropped"] == ["sensor lag of y"]
+    said = [s["sentence"] for s in record["verdict"]]
     assert any(s.startswith("A sensor lag of y was found first, and explains nothing beside that") for s in said)
     assert not any("A sensor lag of" in s and "explains" in s and "very likely" in s for s in said)
     for t in d.found:
         assert t.standard_error is not None
         assert abs(t.value or 0.0) > SURE * t.standard_error
+        assert t.value == pytest.approx(PLANTS["second"].faults[t.extension.kind], rel=0.05)  # as both together have it

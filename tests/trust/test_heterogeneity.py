@@ -49,12 +49,12 @@ def test_the_scatter_between_recordings_is_found():
 
 
 def test_few_degrees_of_freedom_raise_no_more_alarms_than_five_in_a_hundred():
-    rng, freedom, n = np.random.default_rng(2), 8.0, 2000
+    rng, freedom, n = np.random.default_rng(2), 4.0, 2000
     errors = np.sqrt(rng.chisquare(freedom, (n, 3)) / freedom)
     values = rng.normal(size=(n, 3))
     told = np.mean([heterogeneity(v, s, np.full(3, freedom)).p < 0.05 for v, s in zip(values, errors, strict=True)])
-    assert 0.03 < told < 0.07
-    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.08
+    assert 0.02 < told < 0.07
+    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09  # Q alone
 
 
 def test_all_at_once_is_the_sum_of_squares_of_what_is_independent():
@@ -75,7 +75,8 @@ def test_recordings_of_one_plant_are_seldom_called_different(memory):
     """Of 100 studies of two recordings 5 may be; 13 has a chance of one in a thousand."""
     told = [study(seed, 2, memory) for seed in range(STUDIES)]
     assert sum(r["agree"] is False for r in told) < 13
-    assert all(r["agree"] is not None for r in told)
+    # slow noise leaves some recordings too few independent samples for intervals that hold, and these are not compared
+    assert sum(r["agree"] is not None for r in told) >= (70 if memory else STUDIES)
     agreed = next(r for r in told if r["agree"])
     assert agreed["verdict"][0]["sentence"].startswith("The recordings agree on all parameters (2 recordings; ")
 

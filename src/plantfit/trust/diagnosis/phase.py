@@ -79,7 +79,10 @@ def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Fin
     return {**made, "verdict": sentences(made, best)}
 
 
-_EMPTY = {"rounds": [], "outliers": None, "write": [], "evaluations": 0.0, "allowed": None, "with": [], "residuals": [], "next": ""}
+_EMPTY = {
+    "rounds": [], "dropped": [], "outliers": None, "write": [], "evaluations": 0.0, "allowed": None, "with": [], "residuals": [],
+    "next": "",
+}  # fmt: skip
 
 
 def _command(findings: Mapping[str, Any]) -> str:

@@ -40,6 +40,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]
         "verdict": list(_sentences(diagnosis, alone)),
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
         "rounds": [_round(diagnosis, r) for r in diagnosis.rounds],
+        "dropped": [e.name for e in diagnosis.dropped],
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
     }

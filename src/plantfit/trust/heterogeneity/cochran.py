@@ -81,7 +81,9 @@ def holm(p: Mapping[str, float]) -> dict[str, float]:
     return {n: adjusted[n] for n in p}
 
 
-def pooled(values: Sequence[float], errors: Sequence[float], freedom: Sequence[float]) -> tuple[float, float, float]:
+def pooled(
+    values: Sequence[float] | np.ndarray, errors: Sequence[float] | np.ndarray, freedom: Sequence[float] | np.ndarray
+) -> tuple[float, float, float]:
     """The weighted mean, its standard error, and its degrees of freedom (Satterthwaite)."""
     v, s, n = (np.asarray(x, dtype=float) for x in (values, errors, freedom))
     weights = 1.0 / s**2

@@ -22,7 +22,7 @@ def _first(record: Record) -> list[Sentence]:
         text = "Whether the recordings agree cannot be told: no parameter is determined by two recordings alone."
         slow = any(not r["sound"] for r in record["recordings"])
         more = (
-            "What is left is not noise: see first what the model lacks (`plantfit diagnose`)."
+            "Record longer, or see what the model lacks (`plantfit diagnose`)."
             if slow
             else ("Record longer, or with inputs that move more.")
         )
