@@ -126,12 +126,15 @@ def check(
     holds: Annotated[
         bool, typer.Option("--holds", help="Also fit shortly with every input held and interpolated between samples; say which fits.")
     ] = False,
+    identify: Annotated[
+        bool, typer.Option("--identify", help="What the records can determine also of models with events, dry friction or backlash.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
     from plantfit.cli.commands import check as command
 
-    command.check(spec, verify, json, at or [], tolerance, holds)
+    command.check(spec, verify, json, at or [], tolerance, holds, identify)
 
 
 @app.command()

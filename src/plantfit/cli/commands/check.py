@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False) -> None:
+def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False,
+          identify: bool = False) -> None:  # fmt: skip
     """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
     from plantfit import spec as specs
 
@@ -29,7 +30,8 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     record = {**_understood(study, problem), "data": [look.record for look in problem_looks(problem)], **_simulated(problem, z)}
     from plantfit.trust.identify.before_fit import before_fit
 
-    told = before_fit(problem)
+    # sensitivities through events, friction and play compile for minutes
+    told = before_fit(problem) if identify or getattr(problem.model, "smooth", True) else None
     record["identifiable"] = None if told is None else told.record
     if study.errors:
         from plantfit.trust.stated_errors.reading_budgets import reading_budgets
@@ -48,6 +50,10 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     say_looks(record["data"])
     for told in (record["identifiable"] or {}).get("sentences", []):
         say_looks([{**told, "write": None}])
+    if not (identify or getattr(problem.model, "smooth", True)):
+        out.print(
+            f"What these records can determine: plantfit check {spec} --identify (this model's sensitivities compile long).", markup=False
+        )
     out.print(f"ready: plantfit run {spec}", markup=False)
 
 
