@@ -139,6 +139,16 @@ def test_index_constant_copy_and_set_point():
     assert roles["fan"].why == "3 throughout"
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1e308, 1e-308, 1e160])
+def test_values_at_the_ends_of_float64_give_roles_without_a_warning(size):
+    _, u, y = nameless(2)
+    u, y = u - u.mean(), y - y.mean()
+    small = np.abs(np.r_[u, y]).max()
+    roles = roles_of(in_a_table(a=u / small * size, b=y / small * size))
+    assert headers(roles, "input") == headers(roles_of(in_a_table(a=u, b=y)), "input")
+
+
 def test_days_and_months():
     """The order in which all are dates; by the smaller span where both are; refused where nothing tells."""
     from plantfit.recording.readers.timestamps import timestamps

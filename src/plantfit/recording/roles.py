@@ -102,10 +102,11 @@ def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndar
         return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None
     v = casted(content, column.cells)[0]
     there = np.flatnonzero(np.isfinite(v))
-    if np.ptp(v[there]) == 0:
+    if v[there].min() == v[there].max():
         return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None
     v = v[np.maximum.accumulate(np.where(np.isfinite(v), np.arange(len(v)), there[0]))]
-    steps = np.diff(v)
+    with np.errstate(over="ignore"):
+        steps = np.diff(v)
     if np.all(steps == 1) or (np.all(steps == steps[0]) and _said(column, _COUNT)):
         return replace(base, kind="index", why="it counts the rows"), None
     return base, v
@@ -129,6 +130,7 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
         goals = set()
     own = [h for h in heads if h not in goals and h not in copies]
     v = v[:, [heads.index(h) for h in own]]
+    v = v / np.abs(v).max(axis=0)  # squares of values near the end of float64 overflow
     tells = _tells(v) if len(own) > 1 else np.zeros((len(own), len(own)))
     evidence, reasons = zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
     inputs = [k for k in range(len(own)) if evidence[k] > 0]
@@ -167,7 +169,8 @@ def _copies(heads: Sequence[str], columns: Mapping[str, Column], v: Mapping[str,
         for first in heads[:j]:
             if first in found or columns[first].unit != columns[later].unit:
                 continue
-            a, b = v[first], v[later]
+            size = max(np.abs(v[first]).max(), np.abs(v[later]).max())
+            a, b = v[first] / size, v[later] / size
             if np.std(a - b) < 0.02 * min(np.std(a), np.std(b)) and abs(np.mean(a - b)) < 0.02 * np.ptp(a):
                 filtered = _said(columns[first], re.compile("filt|filtered|smooth|smoothed"))
                 found.update({first: later} if filtered else {later: first})
