@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-slow test-versions fuzz release check bench bbob browser postgres clean
+.PHONY: help demo docs test test-slow test-versions fuzz release check bench bbob browser postgres clean
 
 help:  ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
@@ -23,6 +23,9 @@ test: $(DEV) browser postgres  ## All fast tests
 
 test-slow: $(DEV) browser postgres  ## Longer studies
 	$(BIN)/python -m pytest -m slow
+
+docs: $(DEV)  ## Build the site of the docs into site/, every link checked; SERVE=1 shows it
+	$(BIN)/mkdocs $(if $(SERVE),serve,build --strict)
 
 fuzz: $(DEV)  ## Broken inputs to every reader for MINUTES=5; SEED=1 repeats
 	$(BIN)/python tests/fuzz/fuzz.py --minutes $(or $(MINUTES),5) $(if $(SEED),--seed $(SEED))
@@ -53,7 +56,7 @@ bench: $(DEV)  ## Time the engine against other solvers; QUICK=1 for under a min
 	QUICK=$(QUICK) $(BIN)/python -m benchmarks
 
 clean:  ## Remove the environment and what builds leave
-	rm -rf $(VENV) build dist .pytest_cache .ruff_cache src/*.egg-info
+	rm -rf $(VENV) build dist site .pytest_cache .ruff_cache src/*.egg-info
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamps are younger than what they were installed from.

@@ -388,6 +388,15 @@ def methods(name: Annotated[str | None, typer.Argument(help="Show one method in 
 
 
 @app.command()
+def schema() -> None:
+    """Print the JSON schema of study files, by which editors complete and check keys."""
+    from plantfit.cli.terminal.out import print_json
+    from plantfit.spec.tables import json_schema
+
+    print_json(json_schema())
+
+
+@app.command()
 def models(name: Annotated[str | None, typer.Argument(help="Show one model in full.")] = None, json: Json = False) -> None:
     """List the models that come with plantfit."""
     from plantfit.cli.commands import catalogue

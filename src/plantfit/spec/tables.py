@@ -212,6 +212,11 @@ def validated(text: str, path: Path) -> SpecTable:
         raise SpecError(f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes.") from None
 
 
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of study files (draft 2020-12), for editors that complete and check keys."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SpecTable.model_json_schema()}
+
+
 LONGEST, DEEPEST = 4_000_000, 40  # characters; levels of tables and lists
 
 

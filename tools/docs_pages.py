@@ -1,0 +1,163 @@
+"""Pages of the docs site that the build makes: the start from README.md, commands, Python names, keys of the study file, changes.
+
+A hook of MkDocs (mkdocs.yml).
+"""
+
+import importlib
+import inspect
+import json
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "src"))
+from plantfit.spec.tables import json_schema
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that are made."""
+    pages = {
+        "index.md": start_page(),
+        "reference/commands.md": commands_page(),
+        "reference/python.md": python_page(),
+        "reference/study-file-keys.md": keys_page(),
+        "reference/changes.md": relinked((ROOT / "CHANGELOG.md").read_text("utf-8"), "../"),
+        "reference/study-file.schema.json": json.dumps(json_schema(), indent=1),
+    }
+    for place, text in pages.items():
+        files.append(File.generated(config, place, content=text))
+    return files
+
+
+def start_page() -> str:
+    """README.md, with its links as the site has them."""
+    return relinked((ROOT / "README.md").read_text("utf-8"), "")
+
+
+def relinked(text: str, up: str) -> str:
+    """Links to docs/ as links between pages; to files that are not on the site as their names alone."""
+    text = re.sub(r"\]\(docs/([^)]+)\)", rf"]({up}\1)", text)
+    text = re.sub(r"\]\(CHANGELOG\.md\)", f"]({up}reference/changes.md)", text)
+    return re.sub(r"\[([^\]]+)\]\((?:[A-Z][\w.]*(?:\.md)?|firmware/[^)]*)\)", r"\1", text)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Links out of docs/ lead to the repository, which the site does not have."""
+    return re.sub(r"\[([^\]]+)\]\(\.\./(?!reference/|[\w-]+\.(?:md|png))[^)]*\)", r"\1", markdown)
+
+
+def commands_page() -> str:
+    """Every command with its arguments and options, from the program itself."""
+    from plantfit.cli.main import app
+
+    group: Any = typer.main.get_command(app)  # typer brings a click of its own
+    text = "# Commands\n\nAs `plantfit COMMAND --help` says it. Made from the program.\n"
+    for name, command in sorted(group.commands.items()):
+        if not command.hidden:
+            text += f"\n## plantfit {name}\n\n{_escaped(command.help or '')}\n\n{_options(command)}"
+    return text
+
+
+def _options(command: Any) -> str:
+    rows = []
+    for parameter in command.params:
+        told = getattr(parameter, "help", None) or ""
+        if getattr(parameter, "hidden", False):
+            continue
+        names = f"`{parameter.name}`" if parameter.param_type_name == "argument" else _names(parameter)
+        rows.append(f"| {_cell(names)} | {_cell(_escaped(told))} |")
+    return "| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
+
+
+def _names(parameter: Any) -> str:
+    return ", ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _escaped(text: str) -> str:
+    return text.replace("<", "&lt;").replace("[", "\\[")
+
+
+def python_page() -> str:
+    """The public names, with their docstrings by mkdocstrings."""
+    text = "# Python\n\nThe names of `import plantfit as pf`, then those of its rooms.\n"
+    for room in (
+        "plantfit",
+        "plantfit.recording",
+        "plantfit.models",
+        "plantfit.trust",
+        "plantfit.control",
+        "plantfit.estimate",
+        "plantfit.study",
+    ):
+        module = importlib.import_module(room)
+        text += f"\n## plantfit{room}\n"
+        for place in _places(module):
+            text += f"\n::: {place}\n"
+    return text
+
+
+def _places(module: Any) -> Iterator[str]:
+    """Where the functions and classes of a room's `__all__` are defined."""
+    for name in sorted(getattr(module, "__all__", ()), key=str.lower):
+        found = getattr(module, name)
+        home = getattr(found, "__module__", "")
+        if (
+            (inspect.isclass(found) or inspect.isfunction(found))
+            and home.startswith("plantfit")
+            and getattr(found, "__qualname__", "") == name
+        ):
+            yield f"{home}.{name}"
+
+
+def keys_page() -> str:
+    """Keys, types and defaults of the study file, from its schema."""
+    found = json_schema()
+    text = (
+        "# Keys of the study file\n\nTypes and defaults as the reader checks them; what each means: [the study file](../study-file.md).\n"
+        "Editors take the [JSON schema](study-file.schema.json), which `plantfit schema` prints too: with Taplo or Even Better TOML a\n"
+        "first line `#:schema ./study-file.schema.json` completes and checks keys while you write.\n"
+    )
+    tables = {"study file": found, **found["$defs"]}
+    for name, table in tables.items():
+        rows = [f"| `{key}` | {_cell(_kind(value))} | {_default(value)} |" for key, value in table.get("properties", {}).items()]
+        if rows:
+            title = name.removesuffix("Table")
+            text += f"\n## {title}\n\n| key | type | default |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+    return text
+
+
+WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "none"}
+
+
+def _kind(value: dict[str, Any]) -> str:
+    if "$ref" in value:
+        name = value["$ref"].rpartition("/")[2].removesuffix("Table")
+        return f"[{name}](#{name.lower()})"
+    if "anyOf" in value:
+        return " or ".join(dict.fromkeys(_kind(v) for v in value["anyOf"]))
+    if "enum" in value or "const" in value:
+        return ", ".join(f"`{v}`" for v in value.get("enum", [value.get("const")]))
+    if value.get("type") == "array":
+        return f"list of {_kind(value.get('items', {}))}" if value.get("items") else "list"
+    if value.get("type") == "object":
+        inner = value.get("additionalProperties")
+        return f"table of {_kind(inner)}" if isinstance(inner, dict) else "table"
+    return {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "none"}.get(
+        value.get("type", ""), "any"
+    )
+
+
+def _default(value: dict[str, Any]) -> str:
+    if "$ref" in value or "default" not in value or value["default"] is None or value["default"] in ({}, []):
+        return ""
+    return f"`{json.dumps(value['default'])}`"
