@@ -81,3 +81,20 @@ def test_in_a_flat_valley_no_larger_budget_is_advised():
     assert "budget" not in valley["sentence"]
     assert "valley of parameters that are not determined" in valley["sentence"]
     assert "give a larger budget" in point["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("costs", "best", "valley"),
+    [
+        ([1.0, 1.01, 1.05, 1.2], 1.0, True),  # most at about the best cost
+        ([6.5, 7.0, 9.0, 30.0], 1.0, False),  # optima of their own: Osborne's second problem, whose best search was cut off
+        ([1.0, 6.5, 7.0, 9.0], 1.0, False),
+        ([1e-26, 3e-24, 2e-25], 1e-27, True),  # nothing is left: all are the best
+    ],
+)
+def test_only_searches_that_end_near_the_best_cost_are_in_its_valley(costs, best, valley):
+    extra = {"basin_hits": 0, "starts": len(costs), "optima": len(costs), "unseen": 1.0, "local_costs": costs, "basin_cost": best}
+    [sentence] = search_sentences(extra, flat=True)
+    assert ("valley" in sentence["sentence"]) == valley
+    assert sentence["level"] == ("info" if valley else "warning")
+    assert ("give a larger budget" in sentence["sentence"]) == (not valley)

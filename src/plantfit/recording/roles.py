@@ -59,6 +59,7 @@ class Roles:
     columns: tuple[Role, ...]
 
     def of(self, *kinds: Kind) -> list[Role]:
+        """The columns of these kinds."""
         return [c for c in self.columns if c.kind in kinds]
 
     @property

@@ -19,8 +19,8 @@ class Basins:
 
     Keeps in `extra`: `starts` (searches that came to their end), `cut_searches`, `skipped_starts` (points that could not be
     simulated), `basin_hits` (independent searches that ended at the best cost), `optima` (different costs at which independent
-    searches ended), `unseen`, `local_costs` (of the searches that ended), `elsewhere` (points (d,) of the best cost that are far from the
-    best point and from each other).
+    searches ended), `unseen`, `local_costs` (of the searches that ended), `basin_cost` (the lowest of all), `elsewhere` (points (d,) of
+    the best cost that are far from the best point and from each other).
     """
 
     def __init__(self, extra: dict[str, Any], relative: float = 1e-6, floor: float = 1e-20):
@@ -128,4 +128,6 @@ class Basins:
         self.extra["basin_hits"] = self._at(self.best)
         self.extra["optima"] = int(np.sum(apart)) + (len(ended) > 0)
         self.extra["unseen"] = self.unseen
+        if np.isfinite(self.best):
+            self.extra["basin_cost"] = self.best
         self.extra["elsewhere"] = self._elsewhere()

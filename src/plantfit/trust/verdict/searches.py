@@ -6,13 +6,16 @@ from typing import Any
 from plantfit.trust.verdict.words import Sentence, say
 
 AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
+NEAR, MOST = 0.1, 0.5  # of the best cost, and of the searches, that make a valley
+NOTHING = 1e-12  # of a scaled cost
 UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
 
 
 def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.basins.Basins`; none for methods without local searches.
 
-    With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing.
+    With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
+    costs far above the best are in no valley with it, whatever is open at the answer.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
@@ -28,7 +31,7 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[S
     text = f"{_count(hits, starts)} from different starts ended in the best optimum"
     if hits and optima > 1:
         text += f", the others in {optima - 1} worse {'one' if optima == 2 else 'ones'}"
-    if hits < AGREE and flat:
+    if hits < AGREE and flat and _in_the_valley(extra):
         yield say(
             "info",
             f"{text}: they end anywhere in the valley of parameters that are not determined.",
@@ -43,6 +46,15 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[S
         yield say("warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen)
     else:
         yield say("good", f"{text}.", hits=hits, starts=starts, optima=optima)
+
+
+def _in_the_valley(extra: Mapping[str, Any]) -> bool:
+    """Whether most searches that ended did so at about the best cost, as they do along a valley and not in optima of their own."""
+    costs = [float(c) for c in extra.get("local_costs", ())]
+    if not costs:
+        return True  # bookkeeping without costs
+    best = float(extra.get("basin_cost", min(costs)))
+    return sum(c <= (1 + NEAR) * best + NOTHING for c in costs) >= MOST * len(costs)
 
 
 def _count(hits: int, starts: int) -> str:
