@@ -125,4 +125,5 @@ def test_a_study_file_frees_a_clock_and_check_tells_the_hold(tmp_path, monkeypat
     said = CliRunner().invoke(app, ["check", "study.toml", "--holds"])
     assert said.exit_code == 0, said.output
     assert "clock_shift_u" in said.output
-    assert "hold" in said.output.splitlines()[-2]
+    assert "hold" in said.output.splitlines()[-3]
+    assert "These records can" in said.output.splitlines()[-2]
