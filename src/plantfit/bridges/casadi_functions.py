@@ -1,7 +1,7 @@
 """The plant as CasADi functions, and their simulation with its integrators."""
 
 from plantfit.bridges.plant import Plant
-from plantfit.bridges.python_text import python_values
+from plantfit.bridges.python_text import shared
 
 _CASADI = '''"""{told}
 
@@ -12,14 +12,7 @@ optimal control and estimation; `simulate(t, u)` integrates them with inputs hel
 import casadi as ca
 import numpy as np
 
-PARAMETERS = {parameters}
-STATES = {states}
-INPUTS = {inputs}
-OUTPUTS = {outputs}
-HOLD = {hold}
-X0 = {x0}  # as the recording began
-BEFORE = {before}  # inputs before the first sample
-DELAYED = {delayed}  # (input, parameter) of every delayed copy
+{declared}
 
 
 def _functions():
@@ -42,10 +35,7 @@ def simulate(t, u, parameters=None, x0=None, before=None):
     """Outputs by name, (N,) each, at the times t (N,) in s for inputs u by name, all of them held."""
     if any(h != "previous" for h in HOLD.values()):
         raise ValueError("an input of this plant goes straight between samples; integrate `rates` yourself")
-    named = dict(PARAMETERS, **(parameters or {{}}))
-    p, start, past = list(named.values()), dict(X0, **(x0 or {{}})), dict(BEFORE, **(before or {{}}))
-    t = np.asarray(t, dtype=float)
-    late = [(n, named[q]) for n, q in DELAYED]
+{given}    late = [(n, named[q]) for n, q in DELAYED]
     x, c, h = ca.SX.sym("x", len(STATES)), ca.SX.sym("c", len(INPUTS) + len(late)), ca.SX.sym("h", 2)
     s = ca.SX.sym("s")
     ode = h[1] * rates(x, ca.vertcat(c, h[0] + h[1] * s), p)
@@ -56,9 +46,7 @@ def simulate(t, u, parameters=None, x0=None, before=None):
         places = [(n, np.searchsorted(t, middle - d, side="right") - 1) for n, d in [(n, 0.0) for n in INPUTS] + late]
         return [float(u[n][k]) if k >= 0 else past[n] for n, k in places]
 
-    edges = np.unique(np.concatenate([t] + [t + d for _, d in late]))
-    edges = edges[(edges >= t[0]) & (edges <= t[-1])]
-    z = np.array([start[n] for n in STATES], dtype=float)
+{edges}    z = np.array([start[n] for n in STATES], dtype=float)
     found = np.empty((len(t), len(OUTPUTS)))
     found[0] = np.asarray(outputs(z, channels(t[0]) + [t[0]], p)).ravel()
     k = 1
@@ -75,7 +63,7 @@ def casadi_functions(plant: Plant) -> dict[str, str | bytes]:
     """Files by name: NAME_casadi.py."""
     rate, output = plant.lines("rate", "casadi"), plant.lines("output", "casadi")
     text = _CASADI.format(
-        **python_values(plant), rate=rate.text("        "), rate_results=", ".join(rate.results), output=output.text("        "),
+        **shared(plant), rate=rate.text("        "), rate_results=", ".join(rate.results), output=output.text("        "),
         output_results=", ".join(output.results),
     )  # fmt: skip
     return {f"{plant.name}_casadi.py": text}

@@ -1,7 +1,7 @@
 """The plant as a Python file that needs numpy and scipy alone."""
 
 from plantfit.bridges.plant import Plant
-from plantfit.bridges.python_text import python_values
+from plantfit.bridges.python_text import shared
 
 _PYTHON = '''"""{told}
 
@@ -12,14 +12,7 @@ Between samples an input keeps its value (HOLD "previous") or goes straight to t
 import numpy as np
 from scipy.integrate import solve_ivp
 
-PARAMETERS = {parameters}
-STATES = {states}
-INPUTS = {inputs}
-OUTPUTS = {outputs}
-HOLD = {hold}
-X0 = {x0}  # as the recording began
-BEFORE = {before}  # inputs before the first sample
-DELAYED = {delayed}  # (input, parameter) of every delayed copy
+{declared}
 
 
 def rates(x, u, p):
@@ -34,10 +27,7 @@ def outputs(x, u, p):
 
 def simulate(t, u, parameters=None, x0=None, before=None, rtol=1e-11):
     """Outputs by name, (N,) each, at the times t (N,) in s for inputs u by name."""
-    named = dict(PARAMETERS, **(parameters or {{}}))
-    p, start, past = list(named.values()), dict(X0, **(x0 or {{}})), dict(BEFORE, **(before or {{}}))
-    t = np.asarray(t, dtype=float)
-    u = {{n: np.asarray(u[n], dtype=float) for n in INPUTS}}
+{given}    u = {{n: np.asarray(u[n], dtype=float) for n in INPUTS}}
     late = [(n, named[q]) for n, q in DELAYED]
 
     def value(name, seen, interval):
@@ -52,9 +42,7 @@ def simulate(t, u, parameters=None, x0=None, before=None, rtol=1e-11):
     def channels(now, middle):
         return [value(n, now, middle) for n in INPUTS] + [value(n, now - d, middle - d) for n, d in late] + [now]
 
-    edges = np.unique(np.concatenate([t] + [t + d for _, d in late]))
-    edges = edges[(edges >= t[0]) & (edges <= t[-1])]
-    x = np.array([start[n] for n in STATES], dtype=float)
+{edges}    x = np.array([start[n] for n in STATES], dtype=float)
     found = np.empty((len(t), len(OUTPUTS)))
     found[0] = outputs(x, channels(t[0], t[0]), p)
     k = 1
@@ -73,7 +61,7 @@ def plain_python(plant: Plant) -> dict[str, str | bytes]:
     """Files by name: NAME_plant.py."""
     rate, output = plant.lines("rate", "python"), plant.lines("output", "python")
     text = _PYTHON.format(
-        **python_values(plant), rate=rate.text("    "), rate_results=", ".join(rate.results), output=output.text("    "),
+        **shared(plant), rate=rate.text("    "), rate_results=", ".join(rate.results), output=output.text("    "),
         output_results=", ".join(output.results),
     )  # fmt: skip
     return {f"{plant.name}_plant.py": text}

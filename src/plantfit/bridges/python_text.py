@@ -1,17 +1,34 @@
-"""What Python targets share: names and numbers of the plant as Python text."""
+"""What generated Python files share: what they declare of the plant, what `simulate` is given, and where an input has an edge."""
 
 from plantfit.bridges.plant import Plant
 
+_DECLARED = """PARAMETERS = {parameters}
+STATES = {states}
+INPUTS = {inputs}
+OUTPUTS = {outputs}
+HOLD = {hold}
+X0 = {x0}  # as the recording began
+BEFORE = {before}  # inputs before the first sample
+DELAYED = {delayed}  # (input, parameter) of every delayed copy"""
 
-def python_values(plant: Plant) -> dict[str, str]:
-    """The entries of a template by name."""
-    return {
-        "told": docstring("\n".join(plant.story)), "parameters": repr({n: float(v) for n, v in plant.p.items()}),
-        "states": repr(list(plant.vector.states)),
-        "inputs": repr(list(plant.model.inputs)), "outputs": repr(list(plant.vector.outputs)), "hold": repr(plant.hold),
-        "x0": repr(plant.x0),
-        "before": repr(plant.before), "delayed": repr([(d.input, d.parameter) for d in plant.model.delays]),
-    }  # fmt: skip
+_GIVEN = """    named = dict(PARAMETERS, **(parameters or {}))
+    p, start, past = list(named.values()), dict(X0, **(x0 or {})), dict(BEFORE, **(before or {}))
+    t = np.asarray(t, dtype=float)
+"""
+
+_EDGES = """    edges = np.unique(np.concatenate([t] + [t + d for _, d in late]))
+    edges = edges[(edges >= t[0]) & (edges <= t[-1])]
+"""
+
+
+def shared(plant: Plant) -> dict[str, str]:
+    """Parts of a template by name: `told`, `declared`, `given`, `edges`."""
+    declared = _DECLARED.format(
+        parameters={n: float(v) for n, v in plant.p.items()}, states=list(plant.vector.states), inputs=list(plant.model.inputs),
+        outputs=list(plant.vector.outputs), hold=plant.hold, x0=plant.x0, before=plant.before,
+        delayed=[(d.input, d.parameter) for d in plant.model.delays],
+    )  # fmt: skip
+    return {"told": docstring("\n".join(plant.story)), "declared": declared, "given": _GIVEN, "edges": _EDGES}
 
 
 def docstring(text: str) -> str:
