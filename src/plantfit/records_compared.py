@@ -14,6 +14,7 @@ from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
 from plantfit.report.case_page import write_case_page
 from plantfit.report.sections.records_compared import records_page, records_rows
+from plantfit.report.text import columns
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget
 from plantfit.trust.heterogeneity.agreement import compared
@@ -67,11 +68,7 @@ class RecordsCompared:
     def table(self) -> str:
         """The parameters of every recording as text."""
         head, rows = records_rows(self.record, ascii_only=True)
-        widths = [max(len(r[k]) for r in [head, *rows]) for k in range(len(head))]
-        lines = [
-            "  ".join(c.ljust(w) if k == 0 else c.rjust(w) for k, (c, w) in enumerate(zip(r, widths, strict=True))) for r in [head, *rows]
-        ]
-        return "\n".join(line.rstrip() for line in lines)
+        return columns(head, rows, range(1, len(head)))
 
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.verdict}"

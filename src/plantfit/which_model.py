@@ -16,6 +16,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report.case_page import write_case_page
 from plantfit.report.sections.models_compared import models_page, models_rows
+from plantfit.report.text import columns
 from plantfit.trust.which_model.candidates import Candidate, candidate, folds
 from plantfit.trust.which_model.common_data import Series, shared_data
 from plantfit.trust.which_model.comparison import common_scales, compared, enough_unseen
@@ -75,11 +76,7 @@ class ModelsCompared:
     def table(self) -> str:
         """The table of models as text."""
         head, rows = models_rows(self.record, ascii_only=True)
-        widths = [max(len(r[k]) for r in [head, *rows]) for k in range(len(head))]
-        lines = [
-            "  ".join(c.ljust(w) if k == 0 else c.rjust(w) for k, (c, w) in enumerate(zip(r, widths, strict=True))) for r in [head, *rows]
-        ]
-        return "\n".join(line.rstrip() for line in lines)
+        return columns(head, rows, range(1, len(head)))
 
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.verdict}"

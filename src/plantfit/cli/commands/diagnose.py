@@ -196,19 +196,17 @@ def _middle(problem: Any) -> Any:
 
 def _table(record: Mapping[str, Any]) -> None:
     """What was tried in the first round, the best first; a star marks what was found."""
+    from plantfit.report.text import columns
     from plantfit.trust.diagnosis.sentences import plain_unit
 
     first = record["rounds"][0]
-    rows = [("tried", "explains", "RMSE with it", "unseen", "value")]
+    rows = []
     for row in first["tried"][:SHOWN]:
         unseen = "" if row["unseen_rmse"] is None else f"{row['unseen_rmse']:.4g} to {row['unseen_rmse_with']:.4g}"
         mark = " *" if row["name"] in first["found"] else ""
         value = "" if row["value"] is None else f"{row['value']:.3g} {plain_unit(row['unit'])}"
         rows.append((row["name"] + mark, f"{100 * row['explained']:.1f} %", f"{row['rmse_with']:.4g}", unseen, value))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    out.print("")
-    for cells in rows:
-        out.print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)).rstrip(), markup=False)
+    out.print("\n" + columns(("tried", "explains", "RMSE with it", "unseen", "value"), rows), markup=False)
     more = len(first["tried"]) - SHOWN
     if more > 0:
         out.print(f"and {more} more that explain less", markup=False)

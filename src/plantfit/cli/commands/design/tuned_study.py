@@ -90,6 +90,7 @@ def show(record: Mapping[str, Any]) -> None:
     """Verdict, wishes and the table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
     from plantfit.report.controller_page import COLUMNS, asked, reduction, table_rows
+    from plantfit.report.text import columns
 
     verdict(dict(record))
     best = record["controllers"][0]
@@ -99,9 +100,5 @@ def show(record: Mapping[str, Any]) -> None:
     )
     for sentence in asked(record):
         out.print(f"  {sentence}", markup=False)
-    rows = [COLUMNS, *table_rows(record)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
-    for row in rows:  # whole also where it is wider than the terminal
-        cells = [cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))]
-        out.print("  ".join(cells), markup=False)
+    out.print(columns(COLUMNS, table_rows(record), range(1, len(COLUMNS))), markup=False)
     out.print(reduction(record), markup=False)
