@@ -4,7 +4,7 @@ import os
 import sys
 import time
 
-from benchmarks import engine, motor, pid, reading, small_fit, startup, torque
+from benchmarks import engine, motor, pid, reading, small_fit, startup, switching, torque
 from benchmarks.steam import table
 
 
@@ -12,7 +12,7 @@ def main() -> int:
     quick = os.environ.get("QUICK", "") not in ("", "0")
     started = time.perf_counter()
     figures: dict[str, float] = {}
-    for part in (engine, table, pid, torque, motor, startup, small_fit, reading):
+    for part in (engine, table, pid, torque, motor, switching, startup, small_fit, reading):
         figures |= part.run(quick)
         print()
     for name, value in figures.items():

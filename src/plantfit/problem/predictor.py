@@ -42,7 +42,7 @@ class Predictor:
 
     @property
     def rows(self) -> int:
-        return 1 if self.simulator is None else max(1, len(self.simulator.vector.states)) * self.simulator.substeps
+        return 1 if self.simulator is None else max(1, len(self.simulator.vector.states)) * self.simulator.parts
 
     @property
     def has_steps(self) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.recording.told import listed, span
+from plantfit.simulate.simulator import ADAPTIVE
 
 
 def problem_text(problem: Any) -> str:
@@ -22,6 +23,11 @@ def problem_text(problem: Any) -> str:
             f"inputs: {listed([_with_unit(problem, n) for n in reads]) or 'none'}",
         ]
     )
+
+
+def steps_text(stepper: str | None, substeps: float) -> str:
+    """How long steps are: "4 step(s) a sample" or "adaptive steps of fineness 2"."""
+    return f"adaptive steps of fineness {substeps}" if stepper == ADAPTIVE else f"{substeps} step(s) a sample"
 
 
 def _parts(experiment: Experiment) -> str:

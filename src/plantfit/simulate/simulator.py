@@ -10,6 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.model import Model
 from plantfit.simulate.records.rollout import make_rollout
+from plantfit.simulate.steps.adaptive import FINEST, adaptive
 from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
 from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length
@@ -22,7 +23,7 @@ from plantfit.simulate.steps.vector import VectorModel, vectorise
 import jax
 import jax.numpy as jnp
 
-EXACT = "exact"
+EXACT, ADAPTIVE = "exact", "adaptive"
 EARLY = 1000  # steps before the first sample, at most; as many as the record has samples where these are more
 
 
@@ -48,8 +49,9 @@ class Drive(NamedTuple):
 class Simulator:
     """`outputs(p, drive)` and `states(p, drive)` for named parameter values; pure jax functions.
 
-    `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff), "rk4", or "exact" (matrix exponential, linear models
-    only); `substeps` divides every step of the grid.
+    `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff), "rk4", "exact" (matrix exponential, linear models
+    only), or "adaptive" (as long as their error allows, smooth models only); `substeps` divides every step of the grid, and is the
+    fineness of adaptive ones (see `adaptive`).
     A smooth input that is interpolated, or a right-hand side that uses t, makes steps `varying`.
     """
 
@@ -62,12 +64,21 @@ class Simulator:
     def of(cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
         """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
         hold = dict(hold or {})
-        if stepper not in (*STEPPERS, EXACT):
-            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted((*STEPPERS, EXACT))}.")
+        if stepper not in (*STEPPERS, EXACT, ADAPTIVE):
+            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted((*STEPPERS, EXACT, ADAPTIVE))}.")
         vector = vectorise(model)
         if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
             raise SimulationError(
                 f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = 'exponential'."
+            )
+        if stepper == ADAPTIVE and (not model.smooth or model.state_delays):
+            raise SimulationError(
+                f"Model {model.name!r} has late states, events, dry friction that sticks or backlash, whose steps have a length of their "
+                "own; use stepper = 'exponential'."
+            )
+        if stepper == ADAPTIVE and substeps > FINEST:
+            raise SimulationError(
+                f"substeps = {substeps} is a fineness of adaptive steps beyond that of the numbers; give at most {FINEST}."
             )
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
@@ -93,15 +104,25 @@ class Simulator:
         return Simulator(self.vector, self.stepper, self.substeps * factor, self.interpolated)
 
     @property
+    def parts(self) -> int:
+        """Into how many equal parts every step of the grid is divided."""
+        return 1 if self.stepper == ADAPTIVE else self.substeps
+
+    @property
     def step(self) -> Callable:
         """The stepper, with what the model declares about events, dry friction and backlash around it."""
         vector = self.vector
-        model, step = vector.model, self._exact if self.stepper == EXACT else STEPPERS[self.stepper]
+        model, step = vector.model, self._one_step()
         for backlash in model.backlashes:
             step = with_backlash(step, bind_backlash(backlash, vector))
         for friction in model.frictions:
             step = with_friction(step, bind_friction(friction, vector))
         return with_events(step, [bind_event(e, vector) for e in model.events]) if model.events else step
+
+    def _one_step(self) -> Callable:
+        if self.stepper == ADAPTIVE:
+            return adaptive(self.substeps)
+        return self._exact if self.stepper == EXACT else STEPPERS[self.stepper]
 
     def _exact(self, rate, x, u0, u1, h, p, varying, pattern=None):
         return exact_step(self.vector, p, h, varying)(x, u0, u1)
@@ -235,9 +256,9 @@ class Simulator:
             return self._states_with_history(p, drive)[0]
         steps, z = self.steps(p, drive)
         x0 = self.initial(p, drive.first_input, drive.first_output) if x0 is None else x0
-        later = _rollout(self)(self.positional(p), x0, _divided(z, self.substeps, self.vector.timed_events))
+        later = _rollout(self)(self.positional(p), x0, _divided(z, self.parts, self.vector.timed_events))
         fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
-        return tuple(jnp.take(x, steps.rank * self.substeps) for x in fine)
+        return tuple(jnp.take(x, steps.rank * self.parts) for x in fine)
 
     def _states_with_history(self, p, drive: Drive):
         """States at the samples, and the late states there (linear between steps)."""

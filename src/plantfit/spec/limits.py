@@ -51,7 +51,7 @@ def check_problem(problem: "Problem", table: SpecTable, path: Path) -> None:
             "hold some, or use fewer nodes and recordings."
         )
     samples = sum(len(e.recording) for e in problem.experiments.values())
-    substeps = table.simulation.substeps or 1
+    substeps = 1 if table.simulation.stepper == "adaptive" else table.simulation.substeps or 1
     if samples * substeps > MOST_STEPS:
         raise SpecError(
             f"{path.name}: simulation.substeps = {substeps} at {samples} samples are {samples * substeps} steps for each candidate, "

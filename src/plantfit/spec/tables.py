@@ -116,7 +116,7 @@ class ParameterTable(_Table):
 
 
 class SimulationTable(_Table):
-    stepper: Literal["exponential", "rosenbrock", "rk4", "exact"] = "exponential"
+    stepper: Literal["exponential", "rosenbrock", "rk4", "exact", "adaptive"] = "exponential"
     substeps: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
 
 

@@ -99,6 +99,7 @@ def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:
     problem.costs(z[None, :]).tolist()  # waits for the values
     simulator = problem.predictor.simulator
     return {
+        "stepper": simulator.stepper if simulator else None,
         "substeps": problem.steps_a_sample if simulator else 0,
         "rmse_at_middle": cost**0.5 if math.isfinite(cost) else None,
         "seconds_per_evaluation": time.perf_counter() - started,
@@ -123,15 +124,17 @@ def _say_understood(problem: Any, record: Mapping[str, Any]) -> None:
 
 
 def _say_simulated(problem: Any, record: Mapping[str, Any], at: Sequence[str], tolerance: float | None) -> None:
+    from plantfit.problem.told import steps_text
+
     rmse = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
     place = f"at {', '.join(at)}" if at else "at the middle of the bounds"
-    each = f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, {record['substeps']} step(s) a sample"
+    each = f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, {steps_text(record['stepper'], record['substeps'])}"
     out.print(f"{place}: {rmse}; {each}", markup=False)
     for e in record.get("verify", []):
         unit = problem.model.outputs[e["output"]] or ""
         out.print(
             f"against {e['checked_with']}: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
-            f"over {e['samples']} samples, {e['substeps']} step(s) a sample",
+            f"over {e['samples']} samples, {steps_text(e['stepper'], e['substeps'])}",
             markup=False,
         )
         if e["refused"]:

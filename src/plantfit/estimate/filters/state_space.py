@@ -124,8 +124,8 @@ class StateSpace:
         return jnp.concatenate([self._stepped(self.parameters(c, x), x[:n], row), x[n:]])
 
     def _stepped(self, p: tuple[Any, ...], x: Any, row: Row) -> Any:
-        simulator, m = self.simulator, self.simulator.substeps
-        vector, h = simulator.vector, row.h / self.simulator.substeps
+        simulator, m = self.simulator, self.simulator.parts
+        vector, h = simulator.vector, row.h / m
 
         def one(j, x):
             u0, u1 = (_scalars(row.u0 + (row.u1 - row.u0) * ((j + k) / m)) for k in (0, 1))

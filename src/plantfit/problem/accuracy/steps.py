@@ -1,7 +1,9 @@
 """How finely to simulate: step doubling before the fit, at random points of the box and at the answer.
 
 Few equal steps between samples are tried first. Where they are not enough, a model that is smooth gets a mesh (`mesh`), with steps as
-long as each place allows; others get more equal steps.
+long as each place allows for all candidates, frozen during a search. Where that would be many steps at each of many samples, as sharp
+friction wants them, or the record is too long for a mesh, steps are adaptive: each candidate has its own. Models with jumps get more
+equal steps.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +17,7 @@ from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
 from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
 from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
-from plantfit.simulate.simulator import Drive
+from plantfit.simulate.simulator import ADAPTIVE, Drive, Simulator
 from plantfit.simulate.steps.steppers import ORDER
 from plantfit.sobol import Sobol
 
@@ -24,7 +26,8 @@ SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of t
 FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
-FINEST = 64  # equal steps a sample over the box
+FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
+LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
 MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
@@ -32,6 +35,7 @@ EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual:
 ROUNDS = 4  # of choosing steps at one answer
 STILL, ROUNDED = 1e-3, 1e-9  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
 LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
+DEFAULT = "exponential"  # the only stepper that is replaced by adaptive steps
 OFTEN = 0.1  # jumps a sample from which on the slope by a dead time is looked at
 DELAY_SHARE = 1e-5  # of its range, by which a dead time is moved to see a slope
 
@@ -51,7 +55,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
-    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _refined_until(problem, _step_error, z, COARSE, FINEST)
+    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _even_or_adaptive(problem, _step_error, z, COARSE)
     delays, rows = _held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)
     for delay in delays:
@@ -76,8 +80,41 @@ def _refined_until(
 
 def _small(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, part: float = 0.5) -> bool:
     """Whether `error` is below `small` for this part of the rows of z that can be simulated."""
+    return _quantile(problem, error, z, part) < small
+
+
+def _quantile(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, part: float) -> float:
+    """The error that this part of the rows of z stays below, of those that can be simulated; infinite where none can."""
     shares = [s for s in (error(problem, row) for row in z) if np.isfinite(s)]
-    return bool(shares and np.quantile(shares, part) < small)
+    return float(np.quantile(shares, part)) if shares else np.inf
+
+
+def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float) -> Problem:
+    """Equal steps that are halved until their error is small, or adaptive ones where a model has them and equal ones would be many."""
+    if not _can_adapt(problem):
+        return _refined_until(problem, error, z, small, FINEST)
+    even = _refined_until(problem, error, z, small, LONG)
+    short = even.predictor.stepping().substeps < LONG or _small(even, error, z, small)
+    return even if short else _adaptive(problem, error, z, small)
+
+
+def _adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float) -> Problem:
+    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for."""
+    own = problem.predictor.stepping()
+    problem = problem.with_mesh({}) if problem.mesh else problem
+    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, 1, own.interpolated)), error, z, small, FINEST)
+
+
+def _can_adapt(problem: Problem) -> bool:
+    simulator = problem.predictor.stepping()
+    return simulator.vector.model.smooth and simulator.stepper == DEFAULT
+
+
+def _many(problem: Problem, error: float, small: float) -> bool:
+    """Whether adaptive steps can be had, and this error tells by its order that more than 16 equal ones a sample were needed."""
+    simulator = problem.predictor.stepping()
+    more = (error / small) ** (1.0 / ORDER[simulator.stepper])
+    return _can_adapt(problem) and _dense(problem) and not simulator.substeps * more <= LONG
 
 
 def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
@@ -86,7 +123,10 @@ def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
     if _dense(problem):
         even = _refined_until(problem, _step_error, z, COARSE, EVEN)
         short = even.predictor.stepping().substeps < EVEN or _small(even, _step_error, z, COARSE)
-        return even if short else mesh_at(problem, z, spreads, MESH, MESH_PART)
+        if short:
+            return even
+        many = _many(even, _quantile(even, _step_error, z, 0.5), COARSE)
+        return _adaptive(problem, _step_error, z, COARSE) if many else mesh_at(problem, z, spreads, MESH, MESH_PART)
     while steps <= EVEN:
         errors = errors_at(problem, z, spreads, steps)
         errors = errors[np.isfinite(errors)]
@@ -121,10 +161,12 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
         return problem
     meshed = can_mesh(problem)
     if not meshed or (_dense(problem) and not problem.mesh):
-        small, most = _small_at(problem, z), EVEN if meshed else FINEST
-        while (long := _scaled_error(problem, z) > small) and problem.predictor.stepping().substeps < most:
+        small, most = _small_at(problem, z), EVEN if meshed else LONG if _can_adapt(problem) else FINEST
+        while (error := _scaled_error(problem, z)) > small and problem.predictor.stepping().substeps < most:
             problem = problem.with_simulator(problem.predictor.stepping().refined(2))
-        if not long or not meshed:
+        if _can_adapt(problem) and error > small and (not meshed or _many(problem, error, small)):
+            return _adaptive(problem, _scaled_error, z[None, :], small)
+        if error <= small or not meshed:
             return problem
     for _ in range(ROUNDS):  # the residual of coarse steps may be their error, and finer steps leave less of it
         finer = _finer_once(problem, z, _small_at(problem, z))
@@ -157,8 +199,12 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
     if problem.substeps_chosen or not can_mesh(problem):
         return problem
     spreads, z = _all_spreads(problem), np.asarray(z, dtype=float)
-    if _dense(problem) and not problem.mesh and _step_error(problem, z) <= MESH:
-        return problem
+    if _dense(problem) and not problem.mesh:
+        error = _step_error(problem, z)
+        if error <= MESH:
+            return problem
+        if _many(problem, error, MESH):
+            return _adaptive(problem, _step_error, z[None, :], MESH)
     if max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4)) <= MESH:
         return problem
     return mesh_at(problem, z[None, :], spreads, MESH)
@@ -175,9 +221,13 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
     if can_mesh(problem):
         if 4 * _count(problem) > MOST_MESHED:
             return None
-        return mesh_at(problem, z[None, :], problem.scales, max(share * rms, 0.1 * least(problem)), quarter=True)
+        small = max(share * rms, 0.1 * least(problem))
+        if not problem.mesh and _many(problem, _scaled_error(problem, z), small):
+            return _adaptive(problem, _scaled_error, z[None, :], small)
+        return mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
     simulator = problem.predictor.stepping()
-    return problem.with_simulator(simulator.refined(4)) if 4 * _count(problem) <= MOST_STEPS else None
+    more = 4 * simulator.substeps <= FINEST**2 if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
+    return problem.with_simulator(simulator.refined(4)) if more else None
 
 
 def least(problem: Problem) -> float:

@@ -23,7 +23,8 @@ NOTHING = 1e-5  # of the spread of the measured outputs: a residual (rms) that i
 
 @dataclass(frozen=True)
 class Verified:
-    """Errors of one output of one recording in its unit, over `samples` samples, with `substeps` steps between two."""
+    """Errors of one output of one recording in its unit, over `samples` samples, with `substeps` steps between two (of the fineness
+    `substeps`, where `stepper` is "adaptive")."""
 
     recording: str
     output: str
@@ -32,6 +33,7 @@ class Verified:
     samples: int
     substeps: int | float
     checked_with: str
+    stepper: str = "exponential"
     refused: str | None = None  # where the tight solver could not follow, and what the state did there
 
 
@@ -60,7 +62,17 @@ def _of_recording(problem: Problem, name: str, p: Any, tolerance: float | None) 
             count = error.last - error.first + 1
             refused = None if error.stopped is None else error.stopped.sentence
             return [
-                Verified(name, o, error.max_error[o], error.rms_error[o], count, variant.steps_a_sample, error.checked_with, refused)
+                Verified(
+                    name,
+                    o,
+                    error.max_error[o],
+                    error.rms_error[o],
+                    count,
+                    variant.steps_a_sample,
+                    error.checked_with,
+                    simulator.stepper,
+                    refused,
+                )
                 for o in problem.outputs
             ]
         variant = variant.with_simulator(simulator.refined(2))

@@ -47,7 +47,7 @@ def _kept(make: Callable) -> Callable:
 
 def substeps(simulator: Simulator) -> Callable:
     """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length)."""
-    stepper, vector, m, varying = simulator.step, simulator.vector, simulator.substeps, simulator.varying
+    stepper, vector, m, varying = simulator.step, simulator.vector, simulator.parts, simulator.varying
 
     def part(p, x, u0, u1, h):
         return stepper(vector.rate, x, u0, u0 if u1 is None else u1, h, p, varying, vector.pattern)

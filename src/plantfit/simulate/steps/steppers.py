@@ -25,10 +25,10 @@ def rosenbrock(rate, x, u0, u1, h, p, varying, pattern=None):
     with the exact Jacobian; the term gamma h df/dt is gamma (df/du) (u1 - u0), safe at h = 0.
     """
     n = len(x)
-    f0, jacobian = _jacobian(rate, x, u0, p, pattern)
-    matrix = [[_plus(1.0 if i == j else 0.0, _times(-GAMMA * h, jacobian[i][j])) for j in range(n)] for i in range(n)]
+    f0, jacobian = jacobian_of(rate, x, u0, p, pattern)
+    matrix = [[plus(1.0 if i == j else 0.0, times(-GAMMA * h, jacobian[i][j])) for j in range(n)] for i in range(n)]
     solve = factored(matrix)
-    drift = tuple(GAMMA * d for d in _drift(rate, x, u0, u1, p)[1]) if varying else (0.0,) * n
+    drift = tuple(GAMMA * d for d in drift_of(rate, x, u0, u1, p)[1]) if varying else (0.0,) * n
     k1 = solve([a + b for a, b in zip(f0, drift, strict=True)])
     f1 = rate(tuple(a + h * k for a, k in zip(x, k1, strict=True)), u1 if varying else u0, p)
     k2 = solve([f - 2.0 * k - d for f, k, d in zip(f1, k1, drift, strict=True)])
@@ -45,9 +45,9 @@ def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
         (I - 2/3 Z + 1/6 Z^2) v = f + d/2 - Z (f + d) / 6,  x1 = x + h v.
     """
     n = len(x)
-    f, jacobian = _jacobian(rate, x, u0, p, pattern)
-    z = [[_times(h, a) for a in row] for row in jacobian]
-    d = _drift(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
+    f, jacobian = jacobian_of(rate, x, u0, p, pattern)
+    z = [[times(h, a) for a in row] for row in jacobian]
+    d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
     v = (_rational_pair if n == 2 else _rational)(z, f, d)
     return tuple(a + h * b for a, b in zip(x, v, strict=True))
 
@@ -55,12 +55,11 @@ def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
 def _rational(z, f, d):
     """v = (I - 2/3 Z + 1/6 Z^2)^-1 (f + d/2 - Z (f + d) / 6)."""
     n = len(f)
-    moved = [_plus(a, b) for a, b in zip(f, d, strict=True)]
-    right = [_plus(_plus(a, _times(0.5, b)), _times(-1.0 / 6.0, _dot(row, moved))) for a, b, row in zip(f, d, z, strict=True)]
-    square = [[_dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
+    moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
+    right = [plus(plus(a, times(0.5, b)), times(-1.0 / 6.0, dot(row, moved))) for a, b, row in zip(f, d, z, strict=True)]
+    square = [[dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
     matrix = [
-        [_plus(1.0 if i == j else 0.0, _plus(_times(-2.0 / 3.0, z[i][j]), _times(1.0 / 6.0, square[i][j]))) for j in range(n)]
-        for i in range(n)
+        [plus(1.0 if i == j else 0.0, plus(times(-2.0 / 3.0, z[i][j]), times(1.0 / 6.0, square[i][j]))) for j in range(n)] for i in range(n)
     ]
     return factored(matrix)(right)
 
@@ -68,24 +67,24 @@ def _rational(z, f, d):
 def _rational_pair(z, f, d):
     """`_rational` for two states. Z^2 = tr(Z) Z - det(Z) I, so the matrix is a I + b Z and its inverse ((a + b tr) I - b Z)/e;
     what it makes of c y - Z y / 6 is a sum of y and Z y."""
-    trace = _plus(z[0][0], z[1][1])
-    det = _plus(_times(z[0][0], z[1][1]), _times(-1.0, _times(z[0][1], z[1][0])))
-    a, b = _plus(1.0, _times(-1.0 / 6.0, det)), _plus(-2.0 / 3.0, _times(1.0 / 6.0, trace))
+    trace = plus(z[0][0], z[1][1])
+    det = plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0])))
+    a, b = plus(1.0, times(-1.0 / 6.0, det)), plus(-2.0 / 3.0, times(1.0 / 6.0, trace))
     # e = a^2 + a b tr + b^2 det, without the terms that cancel
-    inverse = 1.0 / _plus(_times(a, a), _times(b, _plus(trace, _times(-2.0 / 3.0, det))))
+    inverse = 1.0 / plus(times(a, a), times(b, plus(trace, times(-2.0 / 3.0, det))))
     a, b = a * inverse, b * inverse
 
     def solved(c, y):
         if all(map(_zero, y)):
             return [0.0, 0.0]
-        own = _plus(_times(c, a), _times(b, _plus(_times(c, trace), _times(-1.0 / 6.0, det))))
-        turned = _plus(_times(c, b), _times(1.0 / 6.0, a))
-        return [_plus(_times(own, r), _times(-1.0, _times(turned, _dot(row, y)))) for row, r in zip(z, y, strict=True)]
+        own = plus(times(c, a), times(b, plus(times(c, trace), times(-1.0 / 6.0, det))))
+        turned = plus(times(c, b), times(1.0 / 6.0, a))
+        return [plus(times(own, r), times(-1.0, times(turned, dot(row, y)))) for row, r in zip(z, y, strict=True)]
 
-    return [_plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
+    return [plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
 
 
-def _jacobian(rate, x, u, p, pattern):
+def jacobian_of(rate, x, u, p, pattern):
     """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
     n = len(x)
     columns, f = [], None
@@ -98,7 +97,7 @@ def _jacobian(rate, x, u, p, pattern):
     return f, [[columns[j][i] if pattern is None or pattern[i][j] else 0.0 for j in range(n)] for i in range(n)]
 
 
-def _drift(rate, x, u0, u1, p):
+def drift_of(rate, x, u0, u1, p):
     """f and its change by the inputs over the step, (df/du) (u1 - u0)."""
     return jax.jvp(lambda u: rate(x, u, p), (u0,), (tuple(b - a for a, b in zip(u0, u1, strict=True)),))
 
@@ -108,18 +107,18 @@ def _zero(a) -> bool:
     return isinstance(a, float) and a == 0.0
 
 
-def _times(a, b):
+def times(a, b):
     return 0.0 if _zero(a) or _zero(b) else a * b
 
 
-def _plus(a, b):
+def plus(a, b):
     return b if _zero(a) else a if _zero(b) else a + b
 
 
-def _dot(a, b):
+def dot(a, b):
     total: Any = 0.0
     for s, t in zip(a, b, strict=True):
-        total = _plus(total, _times(s, t))
+        total = plus(total, times(s, t))
     return total
 
 
@@ -139,7 +138,8 @@ def rk4(rate, x, u0, u1, h, p, varying, pattern=None):
 
 
 STEPPERS = {"exponential": exponential, "rosenbrock": rosenbrock, "rk4": rk4}
-ORDER = {"exponential": 2, "rosenbrock": 2, "rk4": 4, "exact": 4}  # exact: any number, halving changes nothing
+# exact: any number, halving changes nothing; adaptive: by twice the fineness the error falls to a quarter
+ORDER = {"exponential": 2, "rosenbrock": 2, "rk4": 4, "exact": 4, "adaptive": 2}
 
 
 def factored(m):
@@ -154,10 +154,10 @@ def factored(m):
         inverse = 1.0 / m[0][0]
         return lambda b: [b[0] * inverse]
     if n == 2:
-        inverse = 1.0 / _plus(_times(m[0][0], m[1][1]), _times(-1.0, _times(m[0][1], m[1][0])))
+        inverse = 1.0 / plus(times(m[0][0], m[1][1]), times(-1.0, times(m[0][1], m[1][0])))
         return lambda b: [
-            _plus(_times(m[1][1], b[0]), _times(-1.0, _times(m[0][1], b[1]))) * inverse,
-            _plus(_times(m[0][0], b[1]), _times(-1.0, _times(m[1][0], b[0]))) * inverse,
+            plus(times(m[1][1], b[0]), times(-1.0, times(m[0][1], b[1]))) * inverse,
+            plus(times(m[0][0], b[1]), times(-1.0, times(m[1][0], b[0]))) * inverse,
         ]
     return _eliminated([list(row) for row in m])
 
@@ -173,7 +173,7 @@ def _eliminated(a):
             upper = [jnp.where(swap, y, x) for x, y in zip(a[c], a[r], strict=True)]
             lower = [jnp.where(swap, x, y) for x, y in zip(a[c], a[r], strict=True)]
             factor = lower[c] / upper[c]
-            a[c], a[r] = upper, [_plus(y, _times(-1.0, _times(factor, x))) for x, y in zip(upper, lower, strict=True)]
+            a[c], a[r] = upper, [plus(y, times(-1.0, times(factor, x))) for x, y in zip(upper, lower, strict=True)]
             record.append((c, r, swap, factor))
 
     def solve(b):
@@ -183,7 +183,7 @@ def _eliminated(a):
             b[c], b[r] = top, bottom - factor * top
         for i in reversed(range(n)):
             for j in range(i + 1, n):
-                b[i] = _plus(b[i], _times(-1.0, _times(a[i][j], b[j])))
+                b[i] = plus(b[i], times(-1.0, times(a[i][j], b[j])))
             b[i] = b[i] / a[i][i]
         return b
 
