@@ -133,3 +133,16 @@ def test_candidates_are_fitted_and_compared(tmp_path, capsys, monkeypatch):
     assert set(rmse) >= {"plant-first.toml", "plant-dead_time.toml", "plant-second.toml"}
     assert "plant-first.toml" in first
     assert (tmp_path / "plant-candidates.html").exists()
+
+
+def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(f"{0.1 * k:.1f},{k % 7},2" for k in range(50))
+    Path("still.csv").write_text(f"t,u,y\n{rows}\n", "utf-8")
+    said = call(capsys, monkeypatch, "init", "still.csv", "--yes")
+    assert said.code == 3
+    assert "there is only 'u'" in " ".join(said.err.split())
+    Path("moves.csv").write_text("t,u,y\n" + "\n".join(f"{0.1 * k:.1f},{k // 9 % 2},{k % 5}" for k in range(50)) + "\n", "utf-8")
+    said = call(capsys, monkeypatch, "init", "moves.csv", "--yes", "--out", "missing/study.toml")
+    assert said.code != 0
+    assert "There is no folder 'missing'" in " ".join(said.err.split())

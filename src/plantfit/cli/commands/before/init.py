@@ -33,6 +33,10 @@ def init(
     target = Path(place) if place else source.with_name(f"{name}.toml")
     kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
     targets: dict[Kind, Path] = {kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds}
+    if not target.parent.is_dir():
+        raise SpecError(
+            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place with --out."
+        )
     there = next((t for t in targets.values() if t.exists()), None)
     if there is not None and not force:
         raise SpecError(f"{str(there)!r} exists already; give another name with --out, or --force to overwrite it.")
@@ -113,7 +117,7 @@ def _chosen(
     if len(moving) < 2:
         raise RecordingError(
             f"{source}: a study needs an input and an output, two columns of changing numbers beside the time; "
-            f"found {[r.header for r in moving]}."
+            f"{'there is only ' + repr(moving[0].header) if moving else 'no column moves'}."
         )
     said_in, said_out = _named(source, inputs, usable), _named(source, outputs, usable)
     guessed = {kind: [r.header for r in moving if r.kind == kind] for kind in ("input", "output")}
