@@ -112,7 +112,7 @@ def followed(vector, p, x, u, fineness):
             factor = (
                 steps.SHORTEST if strained else np.clip(steps.SAFETY * max(max(share), 1e-6) ** (-1 / 3), steps.SHORTEST, steps.LONGEST)
             )
-            if max(share) <= 1.0:
+            if max(share) <= 1.0 and not strained:
                 done, x, largest = 1.0 if last else done + length, [float(v) for v in later], size
                 ends.append(length)
             length *= float(factor)
@@ -165,6 +165,14 @@ def test_what_dies_away_asks_for_no_steps_and_what_explodes_costs_infinity():
     assert np.isfinite(costs[0])
     assert costs[1] == np.inf
     assert float(blown.costs(np.array([[0.0]]))[0]) == costs[0]
+
+
+def test_sharp_friction_can_be_followed_everywhere_in_the_box():
+    """Coarse steps that jump over the place where it sticks, to and fro, took more trials than an interval may."""
+    problem, _ = sampled_coarsely()
+    z = np.random.default_rng(0).random((300, 3))
+    for fineness in (1, 2, 4):
+        assert np.all(np.isfinite(np.asarray(adaptively(problem, fineness).costs(z))))
 
 
 def test_a_gradient_search_is_told_no_number_too():

@@ -10,8 +10,8 @@ and goes on with x2. The error of a step is taken as h |2 phi3(Z) dN|, what the 
 exponential on the linear part, h |Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)|/72, each state's as a share of the largest size that the state
 has had in this interval: a state that has died away asks for nothing.
 
-A step may be allowed although the rate turns round in it: friction is then jumped over to and fro, far inside of the tolerance and
-without end. The step after such a one is a tenth as long, which finds where the state sticks.
+A step could be exact enough although the rate turns round in it: friction is then jumped over to and fro, far inside of the tolerance
+and without end. Such a step is tried anew with a tenth of its length, which finds where the state sticks.
 
 The sequence of steps follows from the candidate alone, never from those beside it. Derivatives are those of the sequence as it is:
 lengths of steps are constant shares of the interval.
@@ -32,7 +32,7 @@ TOLERANCE = 0.1  # error of a step as a share of the state, at fineness 1
 FINEST = 1000  # 1e-10 of the state
 LEVELS, WIDTH = 3, 16  # at most 16^3 trials in an interval
 SAFETY, SHORTEST, LONGEST = 0.9, 0.1, 5.0  # of the next step, in lengths of this one
-BENT, SEEN = 0.25, 0.01  # share of a step's way that the second stage changes, and of the allowed error, from which on the next is short
+BENT, SEEN = 0.25, 1e-5  # share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
 
 
 def tolerance(fineness: int) -> float:
@@ -64,7 +64,7 @@ def adaptive(fineness: int) -> Stepper:
                 strained |= b & (share > SEEN)
                 worst = jnp.where((share > worst) | jnp.isnan(share), share, worst)
             lost = ~jnp.isfinite(sum(map(jax.lax.stop_gradient, x)))  # nothing comes after that
-            good = (worst <= 1.0) | lost
+            good = ((worst <= 1.0) & ~strained) | lost
             factor = jnp.clip(SAFETY * jnp.maximum(worst, 1e-6) ** (-1.0 / 3.0), SHORTEST, LONGEST)
             factor = jnp.where(jnp.isfinite(worst) & ~strained, factor, SHORTEST)
             return (
