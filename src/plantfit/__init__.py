@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from plantfit.answer import Answer
     from plantfit.controllers import Controller, tune
     from plantfit.errors import PlantfitError, Status
+    from plantfit.experiment_design import ExperimentDesign, design
     from plantfit.fitting import fit
     from plantfit.models import equations
     from plantfit.models.model import Declared, Delay, Model
@@ -34,6 +35,7 @@ _PLACES = {
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
     "Experiment": "plantfit.problem",
+    "ExperimentDesign": "plantfit.experiment_design",
     "Model": "plantfit.models.model",
     "ModelsCompared": "plantfit.which_model",
     "Objective": "plantfit.optimize",
@@ -51,6 +53,7 @@ _PLACES = {
     "Store": "plantfit.study",
     "compare_models": "plantfit.which_model",
     "compare_records": "plantfit.records_compared",
+    "design": "plantfit.experiment_design",
     "equations": "plantfit.models",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
@@ -74,6 +77,7 @@ __all__ = [
     "Declared",
     "Delay",
     "Experiment",
+    "ExperimentDesign",
     "Model",
     "ModelsCompared",
     "Objective",
@@ -91,6 +95,7 @@ __all__ = [
     "Store",
     "compare_models",
     "compare_records",
+    "design",
     "equations",
     "fit",
     "from_arrays",

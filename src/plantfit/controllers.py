@@ -20,7 +20,7 @@ from plantfit.control.tune.told import curves, table, verdict
 from plantfit.errors import ModelError, SimulationError, SpecError, UnitError
 from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable, validated
-from plantfit.trust.plausible import Plausible, plausible
+from plantfit.trust.intervals.plausible import Plausible, plausible
 
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles
@@ -215,15 +215,14 @@ def _plants(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.nd
 
 def in_unit(place: str, value: float | str, unit: str | None, difference: bool = False) -> float:
     """A number, or a text with a unit in that of the study; a temperature difference by its size."""
-    if not isinstance(value, str):
-        return float(value)
     try:
-        number, given = units.quantity(value)
+        return float(value)  # a bare number is in the study's unit
+    except ValueError:
+        pass
+    try:
+        number, given = units.quantity(str(value))
     except UnitError as error:
-        try:
-            return float(value)
-        except ValueError:
-            raise UnitError(f"{place}: {error}") from None
+        raise UnitError(f"{place}: {error}") from None
     if unit is None:
         return number
     try:

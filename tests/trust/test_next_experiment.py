@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.errors import SearchError
-from plantfit.trust.identify.next_experiment import d_optimal, gain
+from plantfit.trust.experiment.d_optimal import d_optimal, gain
 
 import jax.numpy as jnp
 

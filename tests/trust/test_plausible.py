@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plantfit as pf
-from plantfit.trust.plausible import plausible
+from plantfit.trust.intervals.plausible import plausible
 
 
 def answered(text, parameters, bounds, noise):

@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 
 from plantfit.cli.commands import sensitivity
 from plantfit.cli.commands.at_bench import bench
-from plantfit.cli.commands.design import export_plant, tune_controller
+from plantfit.cli.commands.design import export_plant, next_experiment, tune_controller
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
@@ -375,6 +375,7 @@ def tune_search(
 app.command()(bench.excite)
 app.command()(bench.record)
 app.command()(sensitivity.sensitivity)
+app.command()(next_experiment.design)
 app.command()(tune_controller.tune)
 app.command()(export_plant.export)
 

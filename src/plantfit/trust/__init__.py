@@ -6,13 +6,13 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.trust.assess import assess
+    from plantfit.trust.experiment.d_optimal import Experiment, Gain, d_optimal, gain
     from plantfit.trust.identify.added_measurements import Measurement, Openings, openings
     from plantfit.trust.identify.base_parameters import BaseParameters, base_parameters
     from plantfit.trust.identify.before_fit import BeforeFit, before_fit
     from plantfit.trust.identify.combinations import Combinations, combinations
     from plantfit.trust.identify.directions import Direction, flat_directions
     from plantfit.trust.identify.flat_curves import FlatCurve, flat_curves
-    from plantfit.trust.identify.next_experiment import Experiment, Gain, d_optimal, gain
     from plantfit.trust.identify.open_answers import open_answers
     from plantfit.trust.intervals.covariance import covariance
     from plantfit.trust.intervals.linearised import Local, linearise
@@ -104,7 +104,7 @@ names_of(
         "identify.before_fit": "BeforeFit before_fit",
         "identify.flat_curves": "FlatCurve flat_curves",
         "intervals.linearised": "Local linearise",
-        "identify.next_experiment": "Experiment Gain d_optimal gain",
+        "experiment.d_optimal": "Experiment Gain d_optimal gain",
         "identify.open_answers": "open_answers",
         "identify.added_measurements": "Measurement Openings openings",
         "stated_errors.parameter_uncertainty": "ParameterUncertainty SharedError propagate propagate_by_monte_carlo",

@@ -1,10 +1,14 @@
 """Numbers with units on the command line: 6V, 100Hz, 30s, 2min."""
 
 import re
+from collections.abc import Sequence
 
 from plantfit.errors import SpecError
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER})?\s*\.\.\s*({_NUMBER})?\s*(.*?)\s*")
 
 
 def quantity(option: str, text: str | None, unit: str) -> float | None:
@@ -25,3 +29,26 @@ def number_and_unit(option: str, text: str, default: str) -> tuple[float, str]:
     if match is None:
         raise SpecError(f"{option} {text!r} is no number; write for example {option} 6{default}.")
     return float(match[1]), match[2] or default
+
+
+def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | None, str | None]]:
+    """NAME=LOW..HIGH UNIT as (low, high) texts with the unit, None for an end that is left out; raises SpecError."""
+    found = {}
+    for text in texts:
+        name, sign, ends = text.partition("=")
+        match = _RANGE.fullmatch(ends)
+        if not sign or match is None or not (match[1] or match[2]):
+            raise SpecError(f"{option} {text!r} is no range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} T=..80.")
+        found[name.strip()] = tuple(f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
+    return found
+
+
+def texts_by_name(option: str, texts: Sequence[str]) -> dict[str, str]:
+    """NAME=NUMBER UNIT as texts by name; raises SpecError."""
+    found = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not sign or not value.strip():
+            raise SpecError(f"{option} {text!r} cannot be read; write NAME=NUMBER, as in {option} u=5.")
+        found[name.strip()] = value.strip()
+    return found

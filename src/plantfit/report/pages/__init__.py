@@ -1,0 +1,1 @@
+"""Pages beside the report of a fit: a tuned controller, the next experiment."""

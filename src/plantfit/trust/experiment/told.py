@@ -1,0 +1,111 @@
+"""What a designed input is worth, in sentences."""
+
+from collections.abc import Mapping, Sequence
+from statistics import NormalDist
+from typing import Any
+
+LEAD = 1.02  # times, from which on an input counts as better than another
+BEYOND = 0.5  # of the range that an output had, outside of which it is unknown land
+TOLD_APART = 3.3  # standard deviations, at which 95 % of decisions are right
+
+
+def precision_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """About errors of the parameters."""
+    rows = record["parameters"]
+    found = [_changed(rows, record)]
+    found += _beside(record, "Standard errors would be {times:.2f} times as large in the mean")
+    lost = [r["name"] for r in rows if r["open"]]
+    if lost:
+        found.append(
+            _line("warning", f"{_list(lost)} would stay open, each by itself, under every input that was tried within these limits; "
+                  "hold or measure one of them, or widen the limits.")
+        )  # fmt: skip
+    spread = [r for r in rows if r["then"] and r["worst"] and r["worst"] > 1.5 * r["then"]]
+    if spread:
+        told = ", ".join(f"{r['name']} {r['worst'] / r['then']:.2g} times" for r in spread[:4])
+        found.append(_line("info", f"On other plants that the data allow errors can be larger: {told}."))
+    return [*found, *_common(record)]
+
+
+def difference_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """About two models told apart."""
+    far = record["distance"]
+    right = 100.0 * NormalDist().cdf(0.5 * far)
+    share = f"{right:.3g} %" if right < 99.9 else "more than 99.9 %"
+    level = "good" if far >= TOLD_APART else "warning"
+    sentence = (
+        f"Under this input the outputs that {record['name']} and {record['against']} foretell lie {far:.3g} standard deviations apart, "
+        f"over noise and what their parameters leave open: the right one of the two is told in {share} of recordings."
+    )
+    if far < TOLD_APART:
+        sentence += " Widen the limits, record longer, or use a sensor with less noise."
+    return [_line(level, sentence), *_beside(record, "The models would lie {closer:.2f} times closer"), *_common(record)]
+
+
+def _changed(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> dict[str, str]:
+    chosen = [r for r in rows if not r["open"] and (not record["chosen"] or r["name"] in record["chosen"])]
+    if not chosen:
+        return _line("info", f"{record['seconds']:g} s of this input leave all parameters open that were asked for.")
+    told = [f"{r['name']} {_error(r['then'], r)} (now {_error(r['now'], r)})" for r in chosen[:8]]
+    more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
+    return _line("good", f"With {record['seconds']:g} s of this input the standard errors become: {', '.join(told)}{more}.")
+
+
+def _error(value: float | None, row: Mapping[str, Any]) -> str:
+    if value is None:
+        return "unknown"
+    return f"{100 * value / abs(row['value']):.2g} %" if row["value"] else f"{value:.2g} {row['unit'] or ''}".rstrip()
+
+
+def _beside(record: Mapping[str, Any], words: str) -> list[dict[str, str]]:
+    """Against the best of the classical kinds."""
+    others = [c for c in record["compared"] if c["kind"] != record["kind"]]
+    if record["kind"] != "designed":
+        return [_line("info", f"Of all that was tried, a {record['shape']} tells most; exchanging its levels found nothing better.")]
+    if not others:
+        return []
+    best = others[0]
+    told = words.format(times=best["times"], closer=best["times"])
+    rest = ", ".join(f"{c['kind']} {c['times']:.2f}" for c in others[1:])
+    end = f" (others: {rest})" if rest else ""
+    level = "good" if best["times"] > LEAD else "info"
+    settings = f", a {best['name']}" if best["name"] != best["kind"] else ""
+    sentence = f"{told} with the best {best['kind']} of the same length within the same limits{settings}{end}."
+    return [_line(level, sentence)]
+
+
+def _common(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    return [*_beyond(record), *_coloured(record)]
+
+
+def _beyond(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Outputs that would go where no recording has been."""
+    found = []
+    for o in record["outputs"]:
+        (low, high), (least, most) = o["seen"], o["reached"]
+        if least < low - BEYOND * (high - low) or most > high + BEYOND * (high - low):
+            unit = f" {o['unit']}" if o["unit"] not in (None, "1") else ""
+            sentence = (
+                f"{o['name']} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}: nobody knows "
+                f"yet that the model holds there. Keep it within limits with --limit {o['name']}=LOW..HIGH."
+            )
+            found.append(_line("warning", sentence))
+    return found
+
+
+def _coloured(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    if record["inflation"] > 2.0:
+        sentence = (
+            f"The residuals of the study are correlated, which makes variances {record['inflation']:.2g} times those of white noise; the "
+            "same is assumed of the new recording. What the model lacks counts as noise here: look for it first (plantfit diagnose)."
+        )
+        return [_line("warning", sentence)]
+    return []
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _line(level: str, sentence: str) -> dict[str, str]:
+    return {"level": level, "sentence": sentence}

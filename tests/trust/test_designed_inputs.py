@@ -1,0 +1,246 @@
+"""Inputs designed for a study's plant, against closed forms and against what fits of simulated recordings reach."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from scipy.special import erf
+from scipy.stats import multivariate_normal
+
+import plantfit as pf
+from plantfit.errors import ModelError, SearchError, SpecError
+from plantfit.problem.evaluate.points import residuals_and_jacobian
+
+RATE = 0.1  # s
+ONE = {"u": "1", "y": "1"}
+
+
+def first_order(u, K, tau, L, dt=RATE):
+    """y' = (K u(t - L) - y) / tau from rest, u held; exact at the samples (n,), the delay rounded to none of them."""
+    whole, part = int(L // dt), L % dt
+    late = np.r_[np.zeros(whole), u][: len(u)]
+    later = np.r_[0.0, late][: len(u)]
+    a, b = np.exp(-dt / tau), np.exp(-(dt - part) / tau)
+    gained = K * ((1 - b) * late + (b - a) * later)  # until `part` into each sample the input before still acts
+    return np.r_[0.0, lfilter([1.0], [1.0, -a], gained)[:-1]]
+
+
+def resonance(u, K, w0, d, dt=0.05):
+    """x'' = w0^2 (K u - x) - 2 d w0 x' from rest, u held; exact at the samples (n,)."""
+    A = np.array([[0.0, 1.0, 0.0], [-w0 * w0, -2 * d * w0, K * w0 * w0], [0.0, 0.0, 0.0]])
+    E = expm(A * dt)
+    trace, det = E[0, 0] + E[1, 1], E[0, 0] * E[1, 1] - E[0, 1] * E[1, 0]
+    b1, b2 = E[0, 2], E[0, 1] * E[1, 2] - E[1, 1] * E[0, 2]
+    return lfilter([0.0, b1, b2], [1.0, -trace, det], u)
+
+
+def answer_of(text, states, bounds, t, u, y, noise):
+    model = pf.equations(text, inputs={"u": "1"}, outputs={"y": "1"}, states=states, parameters=list(bounds), name="plant", check=False)
+    rng = np.random.default_rng(11)
+    record = pf.from_arrays({"t": t, "u": u, "y": y + noise * rng.standard_normal(len(t))}, time="t", units=ONE)
+    parameters = {n: pf.Parameter(bounds=b, scale="log", unit=w) for n, (b, w) in bounds.items()}
+    return pf.fit(pf.Problem(model, record, parameters), seed=1)
+
+
+LAG = {"K": (1.7, "1"), "tau": (1.3, "s"), "L": (0.43, "s")}
+
+
+@pytest.fixture(scope="module")
+def lag():
+    t = RATE * np.arange(200)
+    u = np.where(t < 1.0, 0.0, 0.5)
+    bounds = {"K": ((0.2, 10.0), "1"), "tau": ((0.1, 10.0), "s"), "L": ((0.05, 2.0), "s")}
+    y = first_order(u, *(LAG[n][0] for n in bounds))
+    return answer_of("x' = (K*delay(u, L) - x)/tau\ny = x", {"x": "1"}, bounds, t, u, y, 0.02)
+
+
+@pytest.fixture(scope="module")
+def mode():
+    t = 0.05 * np.arange(400)
+    u = np.where(t < 1.0, 0.0, 0.7)
+    bounds = {"K": ((0.1, 20.0), "1"), "w0": ((0.5, 20.0), "1/s"), "d": ((0.01, 1.0), "1")}
+    return answer_of(
+        "x' = v\nv' = w0*w0*(K*u - x) - 2*d*w0*v\ny = x", {"x": "1", "v": "1/s"}, bounds, t, u, resonance(u, 2.0, 3.0, 0.15), 0.1
+    )
+
+
+@pytest.fixture(scope="module")
+def static():
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-1, 1, 60)
+    model = pf.equations("y = a + b*u + c*u*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=list("abc"), name="parabola")
+    record = pf.from_arrays({"u": u, "y": 1 + 2 * u - u * u + 0.1 * rng.standard_normal(60)}, period=1.0, units=ONE)
+    return pf.fit(pf.Problem(model, record, {n: (-10.0, 10.0) for n in "abc"}), seed=1)
+
+
+def test_a_parabola_is_measured_at_three_points_a_third_each(static):
+    # Fedorov 1972, section 2.1: the D-optimal design of a quadratic over [-1, 1] is -1, 0, 1 with equal weights
+    found = pf.design(static, inputs={"u": (-1, 1)}, duration=48, alone=True, draws=0, seed=3)
+    u = np.round(found.recording["u"], 6)
+    assert [int(np.sum(u == v)) for v in (-1, 0, 1)] == [16, 16, 16]
+    rows = {r["name"]: r["alone"] for r in found.record["parameters"]}
+    design = np.stack([np.ones(48), u, u * u], axis=1)
+    noise = found.record["noise"]["y"]
+    expected = noise * np.sqrt(found.record["inflation"] * np.diag(np.linalg.inv(design.T @ design)))
+    assert [rows[n] for n in "abc"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_information_is_that_of_the_exact_jacobian(lag):
+    found = pf.design(lag, inputs={"u": (0, 1)}, duration=20, alone=True, draws=0, budget=300)
+    one, trial = found.goal, found.goal.trial
+    u = found.recording["u"]
+    record = pf.from_arrays({"t": found.t, "u": u, "y": np.zeros(len(u))}, time="t", units=ONE)
+    before = pf.Experiment(record, before={"u": trial.begins["u"]})
+    problem = pf.Problem(lag.problem.model, before, lag.problem.space.parameters, scales={"y": 1.0}, substeps=4)
+    z = problem.space.cube(trial.plants[0])
+    jacobian = residuals_and_jacobian(problem, z)[1] / problem.space.slopes(z) / found.record["noise"]["y"]
+    own = one.information(trial.told(found.found.best.u))[0] * one.inflation / np.outer(one.scale, one.scale)
+    assert own == pytest.approx(jacobian.T @ jacobian, rel=2e-3, abs=1e-3 * np.max(np.abs(own)))
+
+
+@pytest.mark.parametrize(("case", "simulate", "dt", "ends"), [("lag", first_order, RATE, (0, 1)), ("mode", resonance, 0.05, (-1, 1))])
+def test_fits_of_recordings_of_the_input_reach_the_errors_that_were_foretold(case, simulate, dt, ends, request):
+    answer = request.getfixturevalue(case)
+    found = pf.design(answer, inputs={"u": ends}, duration=20, alone=True, seed=2, budget=1500)
+    rows, noise = found.record["parameters"], found.record["noise"]["y"]
+    at, u = np.array([r["value"] for r in rows]), found.recording["u"]
+    clean, rng = simulate(u, *at, dt), np.random.default_rng(5)
+
+    def fitted():
+        y = clean + noise * rng.standard_normal(len(u))
+        return least_squares(lambda p: simulate(u, *np.exp(p), dt) - y, np.log(1.05 * at), diff_step=1e-6).x
+
+    spread = np.std(np.exp([fitted() for _ in range(200)]), axis=0, ddof=1)  # known to 5 %
+    assert spread == pytest.approx([r["alone"] for r in rows], rel=0.15)
+
+
+TANK = "h' = (kin*u - kout*sqrt(h + 1e-9))/3\ny = h"
+
+
+def tank_answer():
+    t = 0.5 * np.arange(240)
+    u = np.where(t < 10, 0.5, 0.8)
+    h, y = (0.8 * 0.5 / 0.5) ** 2, []
+    for v in u:  # small steps of Euler: their error is far below the noise
+        y.append(h)
+        for _ in range(50):
+            h += 0.01 * (0.8 * v - 0.5 * np.sqrt(h)) / 3
+    bounds = {"kin": ((0.1, 5.0), "1"), "kout": ((0.05, 3.0), "1")}
+    states = {"h": {"unit": "1", "initial": "0.64"}}
+    return answer_of(TANK.replace("/3", "/3.0"), states, bounds, t, u, np.array(y), 0.01)
+
+
+def test_errors_are_smaller_than_with_step_prbs_multisine_and_chirp_on_three_plants(lag, mode):
+    for answer, ends, limits in ((lag, (0, 1), None), (mode, (-1, 1), None), (tank_answer(), (0.2, 1.5), {"y": (0.05, 1.6)})):
+        found = pf.design(answer, inputs={"u": ends}, limits=limits)
+        compared = {c["kind"]: c["times"] for c in found.record["compared"]}
+        assert set(compared) == {"step", "PRBS", "multisine", "chirp"}
+        assert min(compared.values()) > 1.01, compared
+        assert found.record["kind"] == "designed"
+
+
+def test_limits_of_level_slew_and_hold_are_kept(mode):
+    found = pf.design(
+        mode, inputs={"u": (-1, 1)}, limits={"y": (-1.5, "1.2")}, slew={"u": 4.0}, hold="0.5 s", duration="15 s", draws=4, budget=1500
+    )
+    u = found.recording["u"]
+    assert len(u) == 300
+    assert np.all(np.abs(u) <= 1 + 1e-12)
+    assert np.max(np.abs(np.diff(u))) <= 4.0 * 0.05 + 1e-9
+    for plant in found.goal.trial.plants:
+        y = resonance(u, *plant)
+        assert y.min() > -1.5 - 0.01
+        assert y.max() < 1.2 + 0.01
+    free = pf.design(mode, inputs={"u": (-1, 1)}, duration="15 s", draws=4, budget=1500)
+    assert np.max(np.abs(resonance(free.recording["u"], *free.goal.trial.plants[0]))) > 1.5  # the limits did bind
+    assert free.goal.cost(free.goal.trial.told(free.found.best.u)) < found.goal.cost(found.goal.trial.told(found.found.best.u))
+
+
+def test_an_input_for_one_parameter_serves_that_one_best(lag):
+    errors = {}
+    for name in ("K", "L"):
+        found = pf.design(lag, inputs={"u": (0, 1)}, duration=20, alone=True, draws=0, parameters=[name], budget=1500)
+        errors[name] = {r["name"]: r["alone"] for r in found.record["parameters"]}
+    assert errors["K"]["K"] < 0.9 * errors["L"]["K"]
+    assert errors["L"]["L"] < 0.9 * errors["K"]["L"]
+
+
+def test_what_no_input_can_tell_stays_open_in_words():
+    t = 0.1 * np.arange(150)
+    u = np.where(t < 1, 0.0, 1.0)
+    bounds = {"a": ((0.1, 10.0), "1"), "b": ((0.1, 10.0), "1"), "tau": ((0.1, 10.0), "s")}
+    answer = answer_of("x' = (a*b*u - x)/tau\ny = x", {"x": "1"}, bounds, t, u, first_order(u, 2.0, 0.8, 0.0), 0.02)
+    found = pf.design(answer, inputs={"u": (0, 1)}, draws=0, budget=600)
+    open_ = {r["name"]: r["open"] for r in found.record["parameters"]}
+    assert open_ == {"a": True, "b": True, "tau": False}
+    warned = [v["sentence"] for v in found.verdict if v["level"] == "warning"]
+    assert any(s.startswith("a and b would stay open") for s in warned)
+
+
+def test_the_same_seed_gives_the_same_input(lag):
+    one, same, other = (pf.design(lag, inputs={"u": (0, 1)}, budget=400, seed=s).recording["u"] for s in (4, 4, 5))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def straight_or_bent(rows):
+    """Columns of y = a + b u and of y = a + b u (1 + u): alike where u is small."""
+    return np.stack([np.ones_like(rows), rows], axis=1), np.stack([np.ones_like(rows), rows * (1 + rows)], axis=1)
+
+
+@pytest.mark.parametrize(("samples", "top"), [(16, 0.4), (20, 0.6), (30, 0.8)])
+def test_two_models_are_told_apart_as_often_as_foretold(samples, top):
+    rng, noise = np.random.default_rng(4), 0.1
+    u = rng.uniform(0, 0.1, 80)
+    y = 1 + 2 * u + noise * rng.standard_normal(80)
+    fits = []
+    for k, text in enumerate(("y = a + b*u", "y = a + b*u*(1 + u)")):
+        model = pf.equations(text, inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name=f"model-{k}", check=False)
+        record = pf.from_arrays({"u": u, "y": y}, period=1.0, units=ONE)
+        fits.append(pf.fit(pf.Problem(model, record, {n: (-10.0, 10.0) for n in "ab"}), seed=1))
+    found = pf.design(fits[0], against=fits[1], inputs={"u": (0, top)}, duration=samples, draws=0, noise={"y": noise}, budget=600)
+    foretold = 0.5 * (1 + erf(0.5 * found.record["distance"] / np.sqrt(2)))
+    assert (f"{100 * foretold:.3g} %" if foretold < 0.999 else "more than 99.9 %") in found.verdict[0]["sentence"]
+
+    foreseen = []  # mean and covariance of the new recording, after the old one, under each model
+    for old, new in zip(straight_or_bent(u), straight_or_bent(found.recording["u"]), strict=True):
+        known = np.linalg.inv(old.T @ old)
+        foreseen.append((new @ known @ old.T @ y, noise**2 * (np.eye(samples) + new @ known @ new.T)))
+    right = 0
+    for trial in range(4000):
+        mean, covariance = foreseen[trial % 2]
+        seen = rng.multivariate_normal(mean, covariance)
+        right += trial % 2 == int(np.argmax([multivariate_normal.logpdf(seen, *f) for f in foreseen]))
+    assert right / 4000 == pytest.approx(foretold, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("asked", "error", "words"),
+    [
+        ({"limits": {"y": (5.0, 6.0)}}, SearchError, "keeps the limits"),
+        ({"limits": {"z": (0, 1)}}, SpecError, "limits names 'z'; there are x, y"),
+        ({"inputs": {"w": (0, 1)}}, SpecError, "inputs names 'w'; there are u"),
+        ({"inputs": {"u": (1, 0)}}, SpecError, "give the lower one first"),
+        ({"duration": 0.3}, SpecError, "3 samples"),
+        ({"duration": -1}, SpecError, "above 0"),
+        ({"parameters": ["T"]}, SpecError, "There is no free parameter 'T'; there are K, tau, L"),
+        ({"criterion": "E"}, SpecError, "There is no criterion 'E'"),
+        ({"slew": {"u": 0}}, SpecError, "positive change per second"),
+    ],
+)
+def test_refusals(lag, asked, error, words):
+    with pytest.raises(error, match=words.replace("(", r"\(")):
+        pf.design(lag, budget=200, **asked)
+
+
+def test_regressions_have_no_input(static):
+    from plantfit.models.library.pendubot import pendubot_regression
+
+    regression = pendubot_regression("base")
+    rng = np.random.default_rng(0)
+    signals = {n: rng.standard_normal(40) for n in (*regression.signals, *regression.outputs)}
+    record = pf.from_arrays(signals, period=1.0, units={**regression.signals, **regression.outputs})
+    answer = pf.fit(pf.Problem(regression, record, {p.name: (-5.0, 5.0) for p in regression.parameters}), seed=1)
+    with pytest.raises(ModelError, match="no inputs over time"):
+        pf.design(answer)
