@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from plantfit.answer import Answer
     from plantfit.controllers import Controller, tune
     from plantfit.errors import PlantfitError, Status
+    from plantfit.estimators import Estimators, estimate_parameters
     from plantfit.fitting import fit
     from plantfit.models import equations
     from plantfit.models.model import Declared, Delay, Model
@@ -33,6 +34,7 @@ _PLACES = {
     "Controller": "plantfit.controllers",
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
+    "Estimators": "plantfit.estimators",
     "Experiment": "plantfit.problem",
     "Model": "plantfit.models.model",
     "ModelsCompared": "plantfit.which_model",
@@ -52,6 +54,7 @@ _PLACES = {
     "compare_models": "plantfit.which_model",
     "compare_records": "plantfit.records_compared",
     "equations": "plantfit.models",
+    "estimate_parameters": "plantfit.estimators",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
     "from_frame": "plantfit.recording",
@@ -73,6 +76,7 @@ __all__ = [
     "Controller",
     "Declared",
     "Delay",
+    "Estimators",
     "Experiment",
     "Model",
     "ModelsCompared",
@@ -92,6 +96,7 @@ __all__ = [
     "compare_models",
     "compare_records",
     "equations",
+    "estimate_parameters",
     "fit",
     "from_arrays",
     "from_frame",
