@@ -24,11 +24,13 @@ if TYPE_CHECKING:
     from plantfit.space import Parameter, Space
     from plantfit.spec import load
     from plantfit.study import Plan, Store, objective_of
+    from plantfit.tracking import Alarm, Tracker, track
     from plantfit.which_model import ModelsCompared, compare_models
 
 __version__ = "0.1.0"
 
 _PLACES = {
+    "Alarm": "plantfit.tracking",
     "Answer": "plantfit.answer",
     "Checkpoint": "plantfit.optimize",
     "Controller": "plantfit.controllers",
@@ -51,6 +53,7 @@ _PLACES = {
     "Space": "plantfit.space",
     "Status": "plantfit.errors",
     "Store": "plantfit.study",
+    "Tracker": "plantfit.tracking",
     "compare_models": "plantfit.which_model",
     "compare_records": "plantfit.records_compared",
     "equations": "plantfit.models",
@@ -65,12 +68,14 @@ _PLACES = {
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
     "split": "plantfit.problem",
+    "track": "plantfit.tracking",
     "tune": "plantfit.controllers",
     "write_report": "plantfit.report",
 }
 _ROOMS = ("methods", "models", "recording")
 
 __all__ = [
+    "Alarm",
     "Answer",
     "Checkpoint",
     "Controller",
@@ -93,6 +98,7 @@ __all__ = [
     "Space",
     "Status",
     "Store",
+    "Tracker",
     "compare_models",
     "compare_records",
     "equations",
@@ -110,6 +116,7 @@ __all__ = [
     "read_csv",
     "recording",
     "split",
+    "track",
     "tune",
     "write_report",
 ]

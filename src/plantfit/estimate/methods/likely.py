@@ -48,7 +48,8 @@ def likely(
         weak = sorted(n for n in free if found.interval[n][0] <= _range(noise, n)[0] * (1 + NEAR))
         if not weak:
             return found, tuple(told)
-        name = max(weak, key=lambda n: found.interval[n][1] / max(found.interval[n][0], 1e-300))
+        widths = {n: found.interval[n][1] / max(found.interval[n][0], 1e-300) for n in weak}
+        name = max(weak, key=lambda n: widths[n])
         less = _without(noise, [name])
         try:
             without = maximum_likelihood(problem, less, budget=budget, seed=seed, start=_kept(start, less))

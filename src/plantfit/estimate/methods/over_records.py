@@ -92,4 +92,4 @@ def _begin(filter: Filter, order: Sequence[str], names: Sequence[str], mean: np.
     root[rows] = 0.0
     root[np.ix_(rows, rows)] = scale[:, None] * v * np.sqrt(np.maximum(w, 0.0))
     # the filter keeps triangular roots
-    filter.root = np.linalg.qr(root.T, mode="r").T
+    filter.root = np.asarray(np.linalg.qr(root.T, mode="r")).T

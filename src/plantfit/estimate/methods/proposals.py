@@ -58,7 +58,11 @@ def filterable(problem: Problem) -> None:
     steady = [n for n, e in problem.experiments.items() if e.steady]
     if steady:
         raise RecordingError(f"Recording {steady[0]!r} is steady, without time, and a Kalman filter runs over time; leave it out here.")
-    state_space(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(getattr(problem.model, "states", {}), 1.0)))
+    state_space(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(_states(problem), 1.0)))
+
+
+def _states(problem: Problem) -> list[str]:
+    return list(getattr(problem.model, "states", {}))
 
 
 def stepped_evenly(problem: Problem, values: Mapping[str, float]) -> Problem:
@@ -99,6 +103,7 @@ def proposed(
 ) -> Proposal:
     """Levels as given, and for the rest ranges in which maximum likelihood finds them, with what was assumed."""
     own_process, own_measurement, own_initial = dict(process), dict(measurement), dict(initial)
+    states = _states(problem)
     start: dict[str, float] = {}
     assumed: list[str] = []
     made: set[str] = set()
@@ -126,7 +131,7 @@ def proposed(
         start[f"process {n}"] = float(np.sqrt(low * high) if high > low else low)
         made.add(f"process {n}")
         assumed.append(f"process {n}: between {low:.3g} and {high:.3g} in a second, from its spread of {s:.3g}")
-    for n in problem.model.states:
+    for n in states:
         if n in own_initial:
             continue
         level, why = _initial(n, scales, own_measurement)
@@ -156,7 +161,7 @@ def _scatter(residuals: list[np.ndarray]) -> float:
 
 def _simulated(problem: Problem, values: Mapping[str, float]) -> tuple[list[StateSpace], dict[str, list[np.ndarray]]]:
     """Residuals (n, m) of every fitted recording, by a filter that believes nothing but the model."""
-    noise = Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(problem.model.states, 0.0))
+    noise = Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(_states(problem), 0.0))
     names = [n for n, e in problem.experiments.items() if np.any(e.mask("fit"))]
     plants, found = [], {}
     for name in names:

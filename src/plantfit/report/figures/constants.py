@@ -21,8 +21,8 @@ def constants_figure(
 ) -> Figure:
     """Tracks (name, unit, t, value, low, high) of `plantfit.estimate`, one under the other on one time axis.
 
-    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`, `truth` known values as lines. Where a band spans more
-    than a decade and is positive its axis is logarithmic.
+    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`; `truth` draws known
+    values. Where a band spans more than a decade and is positive its axis is logarithmic.
     """
     height = len(tracks) * PANEL + (len(tracks) - 1) * GAP
     data: list[dict] = []
