@@ -458,7 +458,7 @@ def _verdict(record: Mapping[str, Any], likelihood: MaximumLikelihood | None) ->
         strong = {n: r for n, r in f["memory"].items() if abs(r) > MEMORY}
         if strong:
             shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
-            narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "not what they seem"
+            narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
             say(
                 "warning",
                 f"{f['method']}: neighbouring innovations are correlated ({shown}): its intervals are {narrow}, those of least squares and "

@@ -104,7 +104,7 @@ class Tracker:
         self.changes = Changes(self.watched, self.correlation, self.tested, self.calibration, self.false_alarm)
         self.rows: list[dict[str, float]] = []
         self.alarms: list[Alarm] = []
-        self.samples = 0
+        self.samples = self.left_out = 0
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._last = -math.inf
 
@@ -209,24 +209,30 @@ class Tracker:
                 signals[n] = Signal(np.full(len(recording), np.nan), model.outputs[n])
         given = in_units(Recording(recording.t, signals, recording.name, recording.log), self.problem.predictor.needs)
         u = np.stack([given[n] for n in model.inputs], axis=1) if model.inputs else np.zeros((len(given), 0))  # type: ignore[union-attr]
-        if not np.all(np.isfinite(u)):
-            k, i = np.argwhere(~np.isfinite(u))[0]
-            raise RecordingError(
-                f"Recording {recording.name!r}: input {list(model.inputs)[i]!r} has no value at {given.t[k]:.6g} s, and a filter needs one "  # type: ignore[union-attr]
-                "at every sample; fill the gap, or leave these rows out."
-            )
         return np.asarray(given.t, dtype=float), u, np.stack([given[n] for n in model.outputs], axis=1)
 
     def feed(self, recording: Recording) -> list[Alarm]:
-        """The next samples; alarms that they raise. Raises RecordingError for times that do not grow, inputs without a value, and outputs
-        that are all missing."""
+        """The next samples; alarms that they raise.
+
+        Rows in which an input has no value are left out, so that inputs hold what they had. Raises RecordingError for times that do not
+        grow, for an input without any value and for outputs that are all missing.
+        """
         if len(recording) == 0:
             return []
         t, u, y = self._arrays(recording)
         if t[0] <= self._last or np.any(np.diff(t) <= 0):
             at = t[0] if t[0] <= self._last else t[1:][np.diff(t) <= 0][0]
             raise RecordingError(f"A sample at {at:.6g} s came after one at {max(self._last, t[0]):.6g} s; give samples in order of time.")
+        known = np.all(np.isfinite(u), axis=1)
+        if not np.any(known) and self.samples == 0:
+            lost = list(self.problem.model.inputs)[int(np.argmax(~np.isfinite(u[0])))]  # type: ignore[union-attr]
+            raise RecordingError(
+                f"Recording {recording.name!r}: input {lost!r} has no value in any of its {len(t)} rows, and a filter needs one; check the "
+                "column."
+            )
         self._last = float(t[-1])
+        self.left_out += int(np.sum(~known))
+        t, u, y = t[known], u[known], y[known]
         self.samples += len(t)
         self._waiting.append((t, u, y))
         t, u, y = (np.concatenate([w[k] for w in self._waiting]) for k in range(3))
@@ -240,7 +246,7 @@ class Tracker:
     def finish(self) -> list[Alarm]:
         """Work off the samples of a block that is not full."""
         waiting, self._waiting = self._waiting, []
-        return [a for t, u, y in waiting for a in self._block(t, u, y)]
+        return [a for t, u, y in waiting if len(t) for a in self._block(t, u, y)]
 
     def _block(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> list[Alarm]:
         first = self.filter.carry is None
@@ -294,7 +300,8 @@ class Tracker:
     @property
     def sentence(self) -> str:
         """How it ended."""
-        told = f"{self.samples} samples, a look every {self.length} ({self.length * self.period:.3g} s)"
+        lost = f", {self.left_out} rows without an input left out" if self.left_out else ""
+        told = f"{self.samples} samples{lost}, a look every {self.length} ({self.length * self.period:.3g} s)"
         if self.alarms:
             return f"{self.alarms[0].sentence} {told[:1].upper()}{told[1:]}."
         return (

@@ -12,7 +12,7 @@ from cli_call import call
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
 
-import wandering_plants as lag
+import wandering_plants as lag  # type: ignore[import-not-found]
 
 WHOLE = (
     lag.STUDY
@@ -67,7 +67,7 @@ def test_new_measurements_are_tracked(bench, capsys, monkeypatch):
     assert quiet.code == 0, quiet.err
     assert "No alarm: the plant is what the study knows of it (800 samples" in quiet.out
     rows = np.genfromtxt(bench / "rows.csv", delimiter=",", names=True, deletechars="")
-    assert rows.dtype.names[:4] == ("t_[s]", "x_[K]", "x_sd_[K]", "K_[K/V]")
+    assert (rows.dtype.names or ())[:4] == ("t_[s]", "x_[K]", "x_sd_[K]", "K_[K/V]")
     assert np.all(rows["alarm"] == 0)
     assert call(capsys, monkeypatch, "track", "lag.toml", "-r", "healthy.csv", "--out", "rows.csv").code == 10
 

@@ -163,16 +163,30 @@ def test_what_cannot_be_tracked_is_told(tracker):
     r = lag.record(1, 50)
     with pytest.raises(RecordingError, match=r"has none of the outputs \['y'\]"):
         tracker.feed(pf.Recording(r.t, {"u": r.signals["u"]}, "new"))
-    gap = r["u"].copy()
-    gap[7] = np.nan
-    with pytest.raises(RecordingError, match=r"input 'u' has no value at 0.35 s"):
-        tracker.feed(pf.Recording(r.t, {**r.signals, "u": pf.Signal(gap, "V")}, "new"))
+    nothing = pf.Signal(np.full(50, np.nan), "V")
+    with pytest.raises(RecordingError, match=r"input 'u' has no value in any of its 50 rows"):
+        tracker.feed(pf.Recording(r.t, {**r.signals, "u": nothing}, "new"))
     tracker.feed(r)
     with pytest.raises(RecordingError, match="came after one at"):
         tracker.feed(r)
     for wrong in (0.0, 1.0):
         with pytest.raises(SearchError, match="false_alarm"):
             pf.track(lag.problem(r), false_alarm=wrong)
+
+
+def test_rows_without_an_input_hold_it_and_missing_outputs_are_skipped(tracker):
+    recording = lag.record(803, 200)
+    gap = recording["u"].copy()
+    gap[100:104] = np.nan  # within a hold of 15 samples: nothing is lost but four measurements
+    y = recording["y"].copy()
+    y[100:104] = np.nan
+    fed(tracker, pf.Recording(recording.t, {"u": pf.Signal(gap, "V"), "y": recording.signals["y"]}, "gap"))
+    left = dict(tracker.rows[-1])
+    assert "196 samples, 4 rows without an input left out" in tracker.sentence
+    fed(tracker, pf.Recording(recording.t, {"u": recording.signals["u"], "y": pf.Signal(y, "K")}, "gap"))
+    skipped = tracker.rows[-1]
+    for name in ("x", "K", "tau", "K_sd"):
+        assert left[name] == pytest.approx(skipped[name], rel=1e-4)  # one step of five periods, or five with tangents of their own
 
 
 # -- a file that grows ------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plantfit.errors import FlatLikelihood
+from plantfit.errors import FlatLikelihood, SearchError
 from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.proposals import Proposal
@@ -34,6 +34,12 @@ def likely(
                 found = maximum_likelihood(problem, noise, budget=budget, seed=seed, start=_kept(start, noise))
             except FlatLikelihood as error:
                 flat = sorted(set(error.names) & free)
+                loose = [n for n in error.names if n in proposal.proposed and n.startswith("measurement ")]
+                if not flat and loose:
+                    raise SearchError(
+                        f"The recordings do not show how large the noise of {loose[0].removeprefix('measurement ')!r} is; give its standard "
+                        "deviation as measurement ([estimate.measurement]), quantum / sqrt(12) for rounding."
+                    ) from None
                 if not flat:
                     raise
                 noise = _without(noise, flat)

@@ -112,13 +112,12 @@ def proposed(
             continue
         r, s = scales.residual[n], min(scales.scatter[n], scales.residual[n])
         r = max(r, 1e-12)
-        own_measurement[n] = (max(NARROW * s, 1e-3 * r), WIDE * r)
-        start[f"measurement {n}"] = float(np.clip(s, 2 * own_measurement[n][0], r))
+        low, high = max(NARROW * s, 1e-3 * r), WIDE * r
+        own_measurement[n] = (low, high)
+        start[f"measurement {n}"] = float(np.clip(s, 2 * low, r))
         made.add(f"measurement {n}")
-        assumed.append(
-            f"measurement {n}: between {own_measurement[n][0]:.3g} and {own_measurement[n][1]:.3g}, from the residual of {r:.3g}"
-        )
-    for n in problem.model.states if not process else ():
+        assumed.append(f"measurement {n}: between {low:.3g} and {high:.3g}, from the residual of {r:.3g}")
+    for n in states if not process else ():
         if n in scales.kinematic:
             assumed.append(f"process {n}: 0, because {n}' = {scales.kinematic[n]} holds exactly")
             continue

@@ -76,7 +76,7 @@ class Changes:
 
     def _window(self, blocks: int, end: float, allowed: float) -> Change:
         parts, cal = self.parts[-blocks:], self.calibration
-        scores, information = sum(p[0] for p in parts), sum(p[1] for p in parts)
+        scores, information = np.sum([p[0] for p in parts], axis=0), np.sum([p[1] for p in parts], axis=0)
         nis, measured = sum(p[2] for p in parts), sum(p[3] for p in parts)
         own = np.diag(information)
         spread = cal.colour * own + np.diag(information @ self.correlation @ information)

@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Protocol
 
 import numpy as np
 
@@ -15,13 +15,21 @@ CONTEXT = 30  # rows that are read again with new ones, so that header, decimal 
 ENOUGH = 12  # rows from which the first ones are read
 
 
+class Source(Protocol):
+    """Where bytes come from."""
+
+    def read(self) -> bytes | None:
+        """What has come since the last look; empty where nothing has."""
+        ...
+
+
 class GrowingTable:
     """Rows of a table as they come; `read` makes a recording of a file with the same header, as `plantfit.recording.read` does.
 
     Lines without an end wait for it. Times go on from those read before, also where the reader counts from the first row.
     """
 
-    def __init__(self, source: BinaryIO, read: Callable[[Path], Recording], name: str = "recording"):
+    def __init__(self, source: Source, read: Callable[[Path], Recording], name: str = "recording"):
         self.source, self.read, self.name = source, read, name
         self.rest = b""
         self.waiting: list[bytes] = []  # complete lines that are not read yet
@@ -42,7 +50,8 @@ class GrowingTable:
             file = Path(folder) / f"{self.name}.csv"
             file.write_bytes(b"".join([*self.top, *self.tail, *self.waiting]))
             if self.rows == 0:
-                first = int(csv_table(file).places[0]) - 1
+                places = csv_table(file).places
+                first = 0 if places is None else int(places[0]) - 1
                 self.top, self.waiting = self.waiting[:first], self.waiting[first:]
             recording = self.read(file)
         return self._new(recording)
