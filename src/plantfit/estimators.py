@@ -146,7 +146,7 @@ def estimate_parameters(
     record = {
         "name": problem.name,
         "methods": list(estimates),
-        "parameters": _parameters(problem, estimates, truth),
+        "parameters": _parameters(problem, estimates, truth, likelihood.at_bound if likelihood is not None else ()),
         "noise": _noise(problem, noise, likelihood, left_out, proposal.proposed),
         "filters": [_told_of(m, r) for m, r in filters.items()],
         "agreement": _agreement(estimates),
@@ -326,7 +326,9 @@ def _inside(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
 # -- the record -------------------------------------------------------------------------------------
 
 
-def _parameters(problem: Problem, estimates: Mapping[str, Estimated], truth: Mapping[str, float]) -> list[dict[str, Any]]:
+def _parameters(
+    problem: Problem, estimates: Mapping[str, Estimated], truth: Mapping[str, float], leaning: Sequence[str]
+) -> list[dict[str, Any]]:
     rows = []
     for c in problem.space.coordinates:
         own = {}
@@ -338,6 +340,7 @@ def _parameters(problem: Problem, estimates: Mapping[str, Estimated], truth: Map
                 own[method] = {
                     "value": float(estimate.values[i]), "standard_error": error if np.isfinite(error) and error > 0 else None,
                     "low": low, "high": high,
+                    "at_bound": method == LIKELIHOOD and c.name in leaning,
                 }  # fmt: skip
         rows.append({"name": c.name, "unit": c.unit, "truth": truth.get(c.name), "estimates": own})
     return rows

@@ -219,6 +219,42 @@ def test_levels_have_units_and_spreads_are_those_of_the_study():
     assert prior["K"] == pytest.approx(0.5 * 4.0 / (1.0 * 3.0))  # of the logit within 1 to 5
 
 
+def test_what_moves_and_where_states_begin_is_seen():
+    model = pf.equations(
+        "x' = v\nv' = (F - k*x - d*v)/m\nz' = (x - z)/0.3\ny = x\ns = z",
+        inputs=["F"], states={"x": {"initial": "x0"}, "v": {"initial": 0.0}, "z": {"initial": "s"}}, outputs=["y", "s"],
+        parameters={n: {"bounds": (0.1, 10.0)} for n in ("k", "d", "m", "x0")},
+    )  # fmt: skip
+    rng, t = np.random.default_rng(1), 0.05 * np.arange(200)
+    recording = pf.from_arrays(t, signals={"F": np.sin(3 * t), "y": 0.1 * rng.standard_normal(200), "s": rng.standard_normal(200)})
+    problem = pf.Problem(model, recording, substeps=2)
+    scales = scales_at(problem, {"k": 2.0, "d": 1.0, "m": 1.0, "x0": 0.5})
+    assert scales.kinematic == {"x": "v"}
+    assert scales.begin == {"x": "parameter", "v": "model", "z": "measured"}
+    assert scales.period == pytest.approx(0.05)
+    assert scales.scatter["s"] == pytest.approx(1.0, rel=0.25)
+    told = proposed(problem, scales, {}, {}, {})
+    assert set(told.noise.process) == {"v", "z"}
+    assert any("x' = v holds exactly" in s for s in told.assumed)
+    assert told.noise.initial["x"] == pytest.approx(1e-3 * scales.spread["x"])
+    assert told.noise.initial["z"] >= 10 * scales.residual["s"] * 0.999
+    given = proposed(problem, scales, {"v": 0.1}, {"y": 0.1, "s": 1.0}, {"x": 0.0, "v": 0.0, "z": 1.0})
+    assert given.assumed == ()
+    assert given.noise == Noise({"v": 0.1}, {"y": 0.1, "s": 1.0}, {"x": 0.0, "v": 0.0, "z": 1.0})
+
+
+def test_levels_at_a_bound_are_called_so():
+    """The likelihood's range of K ends below the truth."""
+    recording = lag.record(7, 200)
+    problem = pf.Problem(lag.problem(recording).model, recording, {"K": (0.2, 1.5)}, substeps=1)
+    found = pf.estimate_parameters(problem, methods=["maximum likelihood"], measurement={"y": 0.05}, process={"x": 0.3})
+    row = next(p for p in found.record["parameters"] if p["name"] == "K")["estimates"]["maximum likelihood"]
+    assert row["value"] == pytest.approx(1.5)
+    assert row["at_bound"] is True
+    assert row["low"] is None
+    assert "1.5 (at a bound)" in found.table()
+
+
 @pytest.mark.slow
 def test_intervals_of_every_method_cover_the_truth():
     """The command's own intervals over seeds of a plant simulated exactly; figures are in docs/kalman.md."""

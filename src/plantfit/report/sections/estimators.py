@@ -96,7 +96,7 @@ def _cell(estimate: Mapping[str, Any] | None, ascii_only: bool) -> str:
     if estimate is None:
         return "held"
     value, inside = significant(estimate["value"], 4, ascii_only), _range(estimate["low"], estimate["high"], ascii_only)
-    return f"{value} ({inside})" if inside else f"{value} (not determined)"
+    return f"{value} ({inside or ('at a bound' if estimate['at_bound'] else 'not determined')})"
 
 
 def _range(low: float | None, high: float | None, ascii_only: bool) -> str:
