@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from plantfit.answer import Answer
     from plantfit.controllers import Controller, tune
     from plantfit.errors import PlantfitError, Status
+    from plantfit.estimators import Estimators, estimate_parameters
     from plantfit.experiment_design import ExperimentDesign, design
     from plantfit.fitting import fit
     from plantfit.models import equations
@@ -24,16 +25,19 @@ if TYPE_CHECKING:
     from plantfit.space import Parameter, Space
     from plantfit.spec import load
     from plantfit.study import Plan, Store, objective_of
+    from plantfit.tracking import Alarm, Tracker, track
     from plantfit.which_model import ModelsCompared, compare_models
 
 __version__ = "0.1.0"
 
 _PLACES = {
+    "Alarm": "plantfit.tracking",
     "Answer": "plantfit.answer",
     "Checkpoint": "plantfit.optimize",
     "Controller": "plantfit.controllers",
     "Declared": "plantfit.models.model",
     "Delay": "plantfit.models.model",
+    "Estimators": "plantfit.estimators",
     "Experiment": "plantfit.problem",
     "ExperimentDesign": "plantfit.experiment_design",
     "Model": "plantfit.models.model",
@@ -51,10 +55,12 @@ _PLACES = {
     "Space": "plantfit.space",
     "Status": "plantfit.errors",
     "Store": "plantfit.study",
+    "Tracker": "plantfit.tracking",
     "compare_models": "plantfit.which_model",
     "compare_records": "plantfit.records_compared",
     "design": "plantfit.experiment_design",
     "equations": "plantfit.models",
+    "estimate_parameters": "plantfit.estimators",
     "fit": "plantfit.fitting",
     "from_arrays": "plantfit.recording",
     "from_frame": "plantfit.recording",
@@ -65,17 +71,20 @@ _PLACES = {
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
     "split": "plantfit.problem",
+    "track": "plantfit.tracking",
     "tune": "plantfit.controllers",
     "write_report": "plantfit.report",
 }
 _ROOMS = ("methods", "models", "recording")
 
 __all__ = [
+    "Alarm",
     "Answer",
     "Checkpoint",
     "Controller",
     "Declared",
     "Delay",
+    "Estimators",
     "Experiment",
     "ExperimentDesign",
     "Model",
@@ -93,10 +102,12 @@ __all__ = [
     "Space",
     "Status",
     "Store",
+    "Tracker",
     "compare_models",
     "compare_records",
     "design",
     "equations",
+    "estimate_parameters",
     "fit",
     "from_arrays",
     "from_frame",
@@ -110,6 +121,7 @@ __all__ = [
     "read_csv",
     "recording",
     "split",
+    "track",
     "tune",
     "write_report",
 ]

@@ -8,6 +8,7 @@
       SpaceError          parameters: bounds, scales, ties, values outside
       SpecError           a key or value of a study file
       SearchError         a method, setting or budget that cannot work
+        FlatLikelihood    parameters or noise levels that a likelihood leaves open
       SimulationError     a model that cannot be simulated at these values
       StoreError          the study database: missing, locked, full, damaged
       MissingExtra        an optional package is not installed
@@ -19,6 +20,7 @@ Messages are one sentence that names file, place and value, then what to do.
 
 import enum
 import re
+from collections.abc import Sequence
 
 
 class PlantfitError(Exception):
@@ -78,6 +80,14 @@ class SearchError(PlantfitError):
     """A method, setting or budget cannot work."""
 
     exit_code = 8
+
+
+class FlatLikelihood(SearchError):
+    """The likelihood is flat along `names`, parameters and noise levels that the recordings do not tell apart."""
+
+    def __init__(self, names: Sequence[str]):
+        self.names = tuple(names)
+        super().__init__(f"The likelihood is flat along {list(names)}: these recordings do not tell them apart; hold one or measure more.")
 
 
 class SimulationError(PlantfitError):

@@ -72,3 +72,25 @@ def test_a_hundredth_of_the_loops_reaches_the_genetic_algorithms_end():
     few = minimise(goal, "lshade", runs=20, budget=BUDGET // 100, seed=2)
     best = min(r.cost for r in ga)
     assert sum(r.cost <= best for r in few) >= 5
+
+
+def test_kalman_filters_on_the_bench_hold_the_truth_and_smooth(tmp_path):
+    from plantfit.cases.robot.kalman import filtered, kalman_section
+    from plantfit.cases.shared.files import unpack
+    from plantfit.cases.shared.fitting import fit_file
+
+    folder, run = unpack("robot", tmp_path), bench()
+    run.save(folder)
+    answer = fit_file(folder / "motor.toml")
+    found = filtered(answer, MOTOR)
+    section = kalman_section(found, run.exact)
+    assert found.agree is True
+    for p in found.record["parameters"]:
+        for method in ("EKF", "UKF"):
+            e = p["estimates"][method]
+            assert e["low"] < MOTOR[p["name"]] < e["high"]
+            assert e["high"] < 1.1 * e["low"]
+    for _state, measured, after, smooth in section["tables"][1]["rows"]:
+        assert float(after) < 0.1 * float(measured)
+        assert float(smooth) < 0.1 * float(measured)
+    assert len(section["figures"]) == 1

@@ -349,6 +349,24 @@ def compare_records(
     records.compare_records(given, store, out, workers, json)
 
 
+@app.command()
+def estimate(
+    given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
+    methods: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="maximum likelihood, ekf, ukf or kalman (repeat); those of the [estimate] table if left out."),
+    ] = None,
+    store: StorePlace = STORE,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Also write an HTML page with how each constant settles.")] = None,
+    workers: Workers = None,
+    json: Json = False,
+) -> None:
+    """Parameters by maximum likelihood and Kalman filters beside least squares; noise levels, and whether the methods agree."""
+    from plantfit.cli.commands.comparing import estimators
+
+    estimators.estimate(given, methods or [], store, out, workers, json)
+
+
 @app.command("tune-search")
 def tune_search(
     spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
@@ -374,6 +392,7 @@ def tune_search(
 
 app.command()(bench.excite)
 app.command()(bench.record)
+app.command()(bench.track)
 app.command()(sensitivity.sensitivity)
 app.command()(next_experiment.design)
 app.command()(tune_controller.tune)

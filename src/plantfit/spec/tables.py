@@ -174,6 +174,28 @@ class ControlTable(_Table):
     inputs: dict[str, float | str] = {}
 
 
+Quantity = float | str
+Level = Quantity | tuple[Quantity, Quantity]
+
+
+class EstimateTable(_Table):
+    """What `plantfit estimate` and `plantfit track` ask for; levels that are left out are proposed from the recordings."""
+
+    methods: Annotated[list[Literal["maximum likelihood", "ekf", "ukf", "kalman"]], Field(min_length=1)] = [
+        "maximum likelihood", "ekf", "ukf"
+    ]  # fmt: skip
+    process: dict[str, Level] = {}
+    measurement: dict[str, Level] = {}
+    initial: dict[str, Quantity] = {}
+    prior: dict[str, Quantity] = {}
+    drift: dict[str, Quantity] = {}
+    begin: Literal["box", "answer"] = "box"
+    kappa: float = Field(0.0, ge=0)
+    budget: Annotated[int, Field(ge=10, le=1_000_000)] = 300
+    seed: int = 0
+    truth: dict[str, Quantity] = {}
+
+
 class SpecTable(_Table):
     name: str
     recording: dict[str, RecordingTable] = Field(min_length=1)
@@ -188,6 +210,7 @@ class SpecTable(_Table):
     uncertainty: Annotated[dict[str, UncertaintyTable], BeforeValidator(_by_name)] = {}
     propagation: PropagationTable = PropagationTable()
     control: ControlTable = ControlTable.model_validate({})
+    estimate: EstimateTable = EstimateTable.model_validate({})
 
 
 def validated(text: str, path: Path) -> SpecTable:
@@ -270,6 +293,7 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
     tables: dict[str, type[BaseModel]] = {
         "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
         "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable, "control": ControlTable,
+        "estimate": EstimateTable,
     }  # fmt: skip
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:

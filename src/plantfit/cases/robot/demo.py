@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.cases.robot.kalman import filtered, kalman_section
 from plantfit.cases.robot.sections import identified_section, response_section, search_section
 from plantfit.cases.robot.speed_loop import UPPER, fitness, objective, response
 from plantfit.cases.shared.files import unpack
@@ -28,10 +29,14 @@ POPULATION_METHODS = (
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
     """See `plantfit.cases.shared.registry.demos`; `full` searches with every method that needs no derivatives."""
     folder = unpack("robot", folder)
-    bench().save(folder)
+    benched = bench()
+    benched.save(folder)
     file = folder / "motor.toml"
     answer = fit_file(file, progress)
-    begins = stages(("elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"), progress)
+    begins = stages(("Kalman filters", "elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"), progress)
+    truth = {name: ROBOT_MOTOR[other] for name, other in TRUTH.items()}
+    begins("Kalman filters")
+    found = filtered(answer, truth)
     goal = objective(answer.values)
     begins("elite GA, 300 000 loops")
     ga = minimise(goal, "elite_ga", runs=GA_RUNS[full], budget=BUDGET, seed=1, settings={"variant": "paper"})
@@ -40,11 +45,11 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     long = {n: minimise(goal, n, budget=BUDGET, seed=1)[0] for n in (POPULATION_METHODS if full else SMALL_LONG)}
     begins("3000 loops")
     short = {n: minimise(goal, n, runs=RUNS, budget=FEW, seed=2) for n in (POPULATION_METHODS if full else SMALL_SHORT)}
-    truth = {name: ROBOT_MOTOR[other] for name, other in TRUTH.items()}
     best = min((r for rs in short.values() for r in rs), key=lambda r: r.cost)
     winner = max(short, key=lambda n: (reached(short[n], elite.cost), -min(r.cost for r in short[n])))
     sections = [
         identified_section(answer, truth),
+        kalman_section(found, benched.exact),
         search_section(ga, long, short),
         response_section(answer.values, truth, {"elite GA": elite.x * UPPER, f"{best.method}, 3000 loops": best.x * UPPER}),
     ]

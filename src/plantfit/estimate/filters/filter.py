@@ -53,12 +53,13 @@ class Filter:
         (mean, root), told = native_scan(body, (first, jnp.asarray(self.root)), rows, keep=True, fallback=True)[1]
         return mean, root, told, rank
 
-    def run(self, recording: Recording | None = None) -> FilterRun:
-        """Over the recording it was made for, or another one with the same signals."""
+    def run(self, recording: Recording | None = None, *, fitted: bool = False) -> FilterRun:
+        """Over the recording it was made for, or another one with the same signals; with `fitted` over the measurements of the part
+        that is fitted, up to the last of them."""
         experiment = self.problem.experiments[str(self.plant.recording)]
         if recording is not None:
             experiment = Experiment(in_units(recording, self.problem.predictor.needs), before=experiment.before)
-        record = self.plant.record(self.problem, experiment)
+        record = self.plant.record(self.problem, experiment, fitted=fitted and recording is None)
         mean, root, told, rank = jax.tree.map(np.asarray, self.filtered(jnp.asarray(self.values), record))
         if not np.all(np.isfinite(mean)):
             k = int(np.argmin(np.all(np.isfinite(mean), axis=1)))
@@ -67,7 +68,16 @@ class Filter:
                 "more process noise."
             )
         return FilterRun(
-            self.plant, self.values, experiment.recording.t, mean[rank], root[rank], np.asarray(record.y), told, rank, mean, root
+            self.plant,
+            self.values,
+            experiment.recording.t[: len(rank)],
+            mean[rank],
+            root[rank],
+            np.asarray(record.y),
+            told,
+            rank,
+            mean,
+            root,
         )
 
     def online(self) -> Online:

@@ -45,7 +45,8 @@ def unscented(kappa: float, f: Callable, mean: Any, root: Any) -> tuple[Any, Any
 def filter_step(plant: StateSpace, spread: Spread, keep: bool, c: Constants, belief: tuple[Any, Any], row: Row):
     """From the belief (mean, root) after the row before to that after this one; beside it what the row told, a dict.
 
-    `keep` adds what the smoother needs: the predicted mean, its deviations and those of the state before.
+    `keep` adds what the smoother needs: the predicted mean, its deviations and those of the state before; and the root of the
+    innovations' covariance, lower triangular (m, m).
     """
     mean, root = belief
     moved, deviations, own = spread(lambda x: plant.transition(c, x, row), mean, root)
@@ -62,6 +63,8 @@ def filter_step(plant: StateSpace, spread: Spread, keep: bool, c: Constants, bel
     white = whitened(scale, error)
     own_scale = diagonal(scale)
     told["log_likelihood"] = -0.5 * jnp.sum(jnp.where(seen, white**2 + jnp.log(2.0 * np.pi * own_scale**2), 0.0))
+    if keep:
+        told["scale"] = scale
     told |= {"error": error, "white": white, "spread": jnp.sqrt(jnp.sum(scale**2, axis=1))}
     return (moved + joint[m:, :m] @ white, joint[m:, m:]), told
 

@@ -1,6 +1,6 @@
 """Parameters and noise levels of largest likelihood, by the prediction errors of a Kalman filter."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal
@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import SearchError
+from plantfit.errors import FlatLikelihood, SearchError, SpaceError
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.filters.filter_step import linearised, unscented
 from plantfit.estimate.filters.likelihood import Innovations
@@ -18,6 +18,7 @@ from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective
 from plantfit.problem.measure.long_run import prewhitened_long_run
 from plantfit.problem.problem import Problem
+from plantfit.space import Space
 
 import jax
 import jax.numpy as jnp
@@ -69,6 +70,7 @@ def maximum_likelihood(
     covariance: Kind = "sandwich",
     budget: int = 300,
     seed: int = 0,
+    start: Mapping[str, float] | None = None,
 ) -> MaximumLikelihood:
     """The free parameters of a problem and the noise levels that `noise` gives as pairs, over the fitted parts of all recordings.
 
@@ -78,24 +80,33 @@ def maximum_likelihood(
     the noise is not as the model says. For a linear model the likelihood is exact, else that of the extended ("ekf") or unscented
     ("ukf") filter: Astrom, Automatica 16 (1980) 551; Kristensen, Madsen, Jorgensen, Automatica 40 (2004) 225.
 
-    Raises SearchError when nothing is free or no start can be filtered.
+    `start`: values of parameters and levels ("process x") from which the search begins before all others, by name, in their units.
+
+    Raises SearchError when nothing is free or no start can be filtered, FlatLikelihood where the recordings leave something open, and
+    SpaceError for names in `start` that are not free.
     """
     spreads = {"ekf": linearised, "ukf": partial(unscented, float(kappa))}
     if filter not in spreads:
         raise SearchError(f"filter = {filter!r}; use 'ekf' or 'ukf'.")
     likelihood = Innovations.of(problem, noise, spreads[filter])
-    return maximised(likelihood, likelihood.records(problem), noise, covariance, budget, seed)
+    return maximised(likelihood, likelihood.records(problem), noise, covariance, budget, seed, start)
 
 
 def maximised(
-    likelihood: Innovations, records: Sequence[Record], noise: Noise, covariance: Kind = "sandwich", budget: int = 300, seed: int = 0
+    likelihood: Innovations,
+    records: Sequence[Record],
+    noise: Noise,
+    covariance: Kind = "sandwich",
+    budget: int = 300,
+    seed: int = 0,
+    start: Mapping[str, float] | None = None,
 ) -> MaximumLikelihood:
     """As `maximum_likelihood`, for a likelihood made once for many records of the same lengths."""
     if covariance not in ("sandwich", "hessian"):
         raise SearchError(f"covariance = {covariance!r}; use 'sandwich' or 'hessian'.")
     records, space = tuple(records), likelihood.space
     count = int(sum(np.sum(np.isfinite(r.y)) for r in records))
-    z = _searched(likelihood, records, count, budget, seed)
+    z = _searched(likelihood, records, count, budget, seed, start)
     z, value, slope, hessian = _polished(likelihood, records, z)
     free = ~_leaning(z, slope)
     inverse = np.zeros((len(z), len(z)))
@@ -133,7 +144,9 @@ def maximised(
     )
 
 
-def _searched(likelihood: Innovations, records: tuple[Record, ...], count: int, budget: int, seed: int) -> np.ndarray:
+def _searched(
+    likelihood: Innovations, records: tuple[Record, ...], count: int, budget: int, seed: int, given: Mapping[str, float] | None
+) -> np.ndarray:
     space = likelihood.space
 
     def value_and_gradient(z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -145,11 +158,23 @@ def _searched(likelihood: Innovations, records: tuple[Record, ...], count: int, 
         return jnp.where(jnp.isfinite(values), values, jnp.inf)
 
     start = np.full(space.dimension, 0.5) if space.start is None else space.start
-    objective = Objective(space.dimension, costs, value_and_gradient, start=start[None, :], lower=space.lower, upper=space.upper)
+    starts = start[None, :] if given is None else np.stack([_place(space, given, start), start])
+    objective = Objective(space.dimension, costs, value_and_gradient, start=starts, lower=space.lower, upper=space.upper)
     found = minimise(objective, "lbfgsb", budget=budget, seed=seed, settings={"max_steps": max(10, budget // 6)})[0]
     if not np.isfinite(found.cost):
         raise SearchError("The filter could not follow any start; narrow the box, start nearer, or give the noise levels wider ranges.")
     return np.asarray(found.x)
+
+
+def _place(space: Space, given: Mapping[str, float], other: np.ndarray) -> np.ndarray:
+    """The cube point (d,) of named values, moved into their bounds, with `other` where nothing is given."""
+    wrong = [n for n in given if n not in space.names]
+    if wrong:
+        raise SpaceError(f"start names {wrong[0]!r}, which is not free; free are {list(space.names)}.")
+    values = np.asarray(space.physical(other)).copy()
+    for name, value in given.items():
+        values[space.names.index(name)] = value
+    return np.clip(np.asarray(space.cube(np.clip(values, space.lower, space.upper))), 0.0, 1.0)
 
 
 def _polished(likelihood: Innovations, records: tuple[Record, ...], z: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
@@ -194,7 +219,7 @@ def _inverse(hessian: np.ndarray, names: Sequence[str]) -> np.ndarray:
     if len(w) and w[0] <= 1e-10 * w[-1]:
         share = np.abs(v[:, 0])
         flat = [n for n, s in zip(names, share, strict=True) if s > 0.3 * share.max()]
-        raise SearchError(f"The likelihood is flat along {flat}: these recordings do not tell them apart; hold one or measure more.")
+        raise FlatLikelihood(flat)
     return v @ np.diag(1.0 / w) @ v.T
 
 

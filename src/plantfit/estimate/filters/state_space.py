@@ -150,11 +150,13 @@ class StateSpace:
     # -- one record -------------------------------------------------------------------------------
 
     def record(self, problem: Problem, experiment: Experiment, fitted: bool = False) -> Record:
-        """An experiment's numbers; with `fitted` only the measurements of its fitted part."""
-        drive = problem.predictor.drive(experiment)
-        y = np.stack([experiment.recording[n] for n in self.model.outputs], axis=1)
+        """An experiment's numbers; with `fitted` only the measurements of its fitted part, up to the last of them."""
+        y, stop = np.stack([experiment.recording[n] for n in self.model.outputs], axis=1), None
         if fitted:
-            y = np.where(experiment.mask("fit")[:, None], y, np.nan)
+            mask = experiment.mask("fit")
+            stop = int(np.flatnonzero(mask)[-1]) + 1
+            y = np.where(mask[:, None], y, np.nan)[:stop]
+        drive = problem.predictor.drive(experiment, stop=stop)
         t = np.asarray(drive.t, dtype=float)
         h = np.concatenate([[0.0], t[1:] - t[:-1]])
         typical = float(np.median(h[1:])) if len(h) > 1 else 1.0

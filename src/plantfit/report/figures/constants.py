@@ -14,12 +14,15 @@ POINTS = 600
 
 
 def constants_figure(
-    tracks: Sequence[Any], references: Mapping[str, tuple[float, float, float]] | None = None, label: str = "reference"
+    tracks: Sequence[Any],
+    references: Mapping[str, tuple[float, float, float]] | None = None,
+    label: str = "reference",
+    truth: Mapping[str, float] | None = None,
 ) -> Figure:
     """Tracks (name, unit, t, value, low, high) of `plantfit.estimate`, one under the other on one time axis.
 
-    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`. Where a band spans more
-    than a decade and is positive its axis is logarithmic.
+    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`; `truth` draws known
+    values. Where a band spans more than a decade and is positive its axis is logarithmic.
     """
     height = len(tracks) * PANEL + (len(tracks) - 1) * GAP
     data: list[dict] = []
@@ -41,6 +44,9 @@ def constants_figure(
         if references and track.name in references:
             data.append(_reference(base, track, references[track.name][0], label, k == 0))
             shapes.append(_zone(track, references[track.name], number))
+        if truth and track.name in truth:
+            look = {"line": {"color": style.INK, "width": 1.5, "dash": "dot"}, "name": "truth"}
+            data.append(_level(base, track, truth[track.name], look, not any(d.get("name") == "truth" for d in data)))
         notes.append(style.heading(with_unit(track.name, track.unit), 0, top))
         log = np.min(track.low) > 0 and np.max(track.high) > 10 * np.min(track.low)
         scale: dict[str, Any] = {"type": "log", "dtick": 1} if log else {"nticks": 5}
@@ -52,9 +58,13 @@ def constants_figure(
 
 
 def _reference(base: dict, track: Any, value: float, label: str, first: bool) -> dict:
+    look = {"line": {"color": style.SERIES[1], "width": 1.5, "dash": "dash"}, "name": style.plain(label)}
+    return _level(base, track, value, look, first)
+
+
+def _level(base: dict, track: Any, value: float, look: dict, first: bool) -> dict:
     ends = {"x": style.numbers(np.array([track.t[0], track.t[-1]]), 9), "y": style.numbers(np.array([value, value]))}
-    look = {"line": {"color": style.SERIES[1], "width": 1.5, "dash": "dash"}, "name": style.plain(label), "hoverinfo": "skip"}
-    return base | ends | look | {"showlegend": first}
+    return base | ends | look | {"hoverinfo": "skip", "showlegend": first}
 
 
 def _zone(track: Any, reference: tuple[float, float, float], number: str) -> dict:

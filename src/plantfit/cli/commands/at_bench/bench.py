@@ -1,4 +1,4 @@
-"""The commands at the bench, `plantfit excite` and `plantfit record`: what they take."""
+"""The commands at the bench, `plantfit excite`, `plantfit record` and `plantfit track`: what they take."""
 
 from typing import Annotated
 
@@ -74,3 +74,29 @@ def record(
     from plantfit.cli.commands.at_bench import record as command
 
     command.record(port, excitation, out, duration, rate, baud, reconnect, force, json)
+
+
+def track(
+    given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
+    recording: Annotated[str, typer.Option("--recording", "-r", help="The measurements, with the study's columns; - for standard input.")],
+    follow: Annotated[bool, typer.Option("--follow", help="The file grows: wait for more rows until Ctrl-C, or as --idle says.")] = False,
+    idle: Annotated[str | None, typer.Option("--idle", help="End when nothing has come for so long, as in 30s.")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file for states and parameters; standard output if left out.")] = None,
+    every: Annotated[
+        str | None, typer.Option("--every", help="Time between rows and looks, as in 5s; a fiftieth of the study's record if left out.")
+    ] = None,
+    false_alarm: Annotated[
+        float, typer.Option("--false-alarm", help="Chance that a healthy plant ever raises an alarm, however long it runs.")
+    ] = 0.01,
+    like: Annotated[
+        str | None, typer.Option("--like", help="The recording of the study whose columns it has; the first if left out.")
+    ] = None,
+    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    workers: Annotated[str | None, typer.Option("--workers", help="Worker processes, if the study has to be fitted first.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite --out if it is there.")] = False,
+    json: Json = False,
+) -> None:
+    """Track states and parameters over new measurements, and raise an alarm when the plant leaves what the study knows of it."""
+    from plantfit.cli.commands.at_bench import track as command
+
+    command.track(given, recording, follow, idle, out, every, false_alarm, like, store, workers, force, json)

@@ -1,0 +1,181 @@
+"""A filter in blocks of samples: innovations, what each parameter does to them, and the parameters tracked beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.estimate.filters.filter_step import filter_step, linearised
+from plantfit.estimate.filters.noise import Noise
+from plantfit.estimate.filters.square_root import whitened
+from plantfit.estimate.filters.state_space import Row, StateSpace, state_space
+from plantfit.native import native_scan
+from plantfit.problem.problem import Problem
+
+import jax
+import jax.numpy as jnp
+
+
+@dataclass(frozen=True)
+class Block:
+    """What B samples told.
+
+    Whitened innovations (B, m), 0 where nothing was measured; their slopes (B, m, d) by the watched parameters, each in units of its
+    `size`; how many outputs were measured (B,); and the tracked belief at the end, mean (n + k,) and root (n + k, n + k).
+    """
+
+    t: np.ndarray
+    white: np.ndarray
+    slopes: np.ndarray
+    measured: np.ndarray
+    mean: np.ndarray
+    root: np.ndarray
+
+    @property
+    def scores(self) -> np.ndarray:
+        """Slopes (B, d) of each sample's log-likelihood by its prediction, in units of `size`."""
+        return -np.einsum("bmd,bm->bd", self.slopes, self.white)
+
+    @property
+    def information(self) -> np.ndarray:
+        """What the samples can tell of the parameters (d, d), in units of `size`."""
+        return np.einsum("bmd,bme->de", self.slopes, self.slopes)
+
+
+class BlockFilter:
+    """An extended Kalman filter of a problem with its parameters held at `values` (d,), beside one that tracks those in `joint`.
+
+    `watched` are places of coordinates whose effect on the innovations is wanted, `size` (w,) their units; `root` (n, n) is that of the
+    first state, `prior` and `drift` (k,) the standard deviations of tracked parameters in their coordinates and how far these wander in
+    a second. Blocks have `length` samples; shorter ones are filled up.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        noise: Noise,
+        values: np.ndarray,
+        watched: Sequence[int],
+        size: np.ndarray,
+        joint: Sequence[str],
+        prior: np.ndarray,
+        drift: np.ndarray,
+        root: np.ndarray,
+        recording: str,
+        length: int,
+    ):
+        held, tracked = state_space(problem, noise, (), recording), state_space(problem, noise, joint, recording)
+        self.plant, self.tracked = replace(held, exact=False), tracked
+        self.values, self.length, self.prior = np.asarray(values, dtype=float), length, np.asarray(prior, dtype=float)
+        self.axes = np.zeros((len(watched), len(values)))
+        self.axes[np.arange(len(watched)), list(watched)] = size
+        self.root = np.asarray(root, dtype=float)
+        self.drift = np.asarray(drift, dtype=float)
+        self.own = tracked.place(self.values[list(tracked.joint)])
+        self._advance = jax.jit(self._advanced)
+        self._begun = jax.jit(jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None)))
+        self.carry: Any = None
+        self.before: tuple[float, np.ndarray] | None = None
+
+    def reset(self) -> None:
+        """Begin anew with the next block."""
+        self.carry, self.before = None, None
+
+    def open(self, spread: np.ndarray) -> None:
+        """Let the tracked parameters (k,) be as uncertain again as `spread`, in their coordinates."""
+        if self.carry is None:
+            return
+        n, (held, moved, mean, root) = self.tracked.states, self.carry
+        root = np.asarray(root).copy()
+        added = np.zeros((len(root), len(spread)))
+        added[n:] = np.diag(spread)
+        joined = np.linalg.qr(np.concatenate([root, added], axis=1).T, mode="r")
+        self.carry = held, moved, mean, jnp.asarray(np.asarray(joined).T)
+
+    def run(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Block:
+        """The next samples: times (b,), inputs (b, inputs), outputs (b, m) with NaN where nothing was measured, b up to `length`."""
+        rows = self._rows(t, u, y)
+        if self.carry is None:
+            self._first(t, u, y)
+        self.carry, (white, slopes) = self._advance(self.carry, rows)
+        b, seen = len(t), np.isfinite(y)
+        mean, root = (np.asarray(v) for v in self.carry[2:])
+        return Block(t, np.asarray(white)[:b], np.moveaxis(np.asarray(slopes), 0, -1)[:b], np.sum(seen, axis=1), mean, root)
+
+    def _first(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
+        model, simulator = self.plant.model, self.plant.simulator
+        drive = simulator.drive(
+            t[:1],
+            {n: u[:1, i] for i, n in enumerate(model.inputs)},
+            measured={n: y[:, i] for i, n in enumerate(model.outputs)},
+        )
+        # states that begin at an output begin at nothing where it is not measured; the wide first belief makes up for it
+        drive = drive._replace(first_output=tuple(v if np.isfinite(v) else 0.0 for v in map(float, drive.first_output)))
+        (means, moved), n = self._begun(jnp.asarray(self.axes), drive), self.plant.states
+        first = means[0] if len(self.axes) else self.plant.first(jnp.asarray(self.values), drive)
+        root = jnp.asarray(self.root)
+        still = jnp.zeros((len(self.axes), n, n))
+        joint = np.zeros((n + len(self.prior),) * 2)
+        joint[:n, :n], joint[n:, n:] = self.root, np.diag(self.prior)
+        self.carry = (first, root), (moved, still), jnp.concatenate([first, jnp.asarray(self.own)]), jnp.asarray(joint)
+
+    def _rows(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Row:
+        here = np.concatenate([u, t[:, None]], axis=1)
+        last, start = self.before if self.before is not None else (t[0], here[0])
+        u0 = np.concatenate([start[None], here[:-1]])
+        simulator, model = self.plant.simulator, self.plant.model
+        linear = [n in simulator.interpolated for n in model.inputs] + [True]
+        u1, h = np.where(linear, here, u0), np.diff(np.concatenate([[last], t]))
+        self.before = float(t[-1]), here[-1]
+        more = self.length - len(t)
+        end = [np.repeat(here[-1:], more, axis=0)] * 3
+        rows = [np.concatenate([a, b]) for a, b in zip((u0, u1, here), end, strict=True)]
+        seen = np.concatenate([y, np.full((more, y.shape[1]), np.nan)])
+        return Row(rows[0], rows[1], np.concatenate([h, np.zeros(more)]), rows[2], seen, None)
+
+    def _advanced(self, carry: Any, rows: Row) -> Any:
+        held, moved, mean, root = carry
+        plant, tracked = self.plant, self.tracked
+
+        def step(c, belief, row):
+            belief, told = filter_step(plant, linearised, True, c, belief, row)
+            return belief, (told["error"], told["scale"], told["white"])
+
+        def along(a, tangent):
+            c, dc = jax.jvp(plant.constants, (jnp.asarray(self.values),), (a,))
+
+            def both(pair, row):
+                still = jax.tree.map(jnp.zeros_like, row)
+                (belief, told), (belief_moved, told_moved) = jax.jvp(step, (c, pair[0], row), (dc, pair[1], still))
+                return (belief, belief_moved), (told[2], whitened(told[1], told_moved[0]))
+
+            return native_scan(both, (held, tangent), rows, keep=True, fallback=True)
+
+        (beliefs, tangents), told = jax.vmap(along)(jnp.asarray(self.axes), moved)
+        belief = jax.tree.map(lambda a: a[0], beliefs)
+        c = tracked.constants(jnp.asarray(self.values), self.drift)
+        (mean, root), _ = native_scan(
+            lambda own, row: (filter_step(tracked, linearised, False, c, own, row)[0], None), (mean, root), rows, fallback=True
+        )
+        white, slopes = told
+        return (belief, tangents, mean, root), (white[0], slopes)
+
+
+def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:
+    """Whether each coordinate (d,) enters rates or outputs of the model, and not its first state alone."""
+    rng = np.random.default_rng(0)
+    vector, x, u = (
+        plant.simulator.vector,
+        jnp.asarray(rng.standard_normal(plant.states)),
+        rng.standard_normal(len(plant.simulator.vector.channels)),
+    )
+
+    def all_of(v):
+        p = plant.simulator.positional(plant.space.tree(v, plant.recording))
+        scalars = tuple(x[i] for i in range(plant.states))
+        return jnp.stack([*vector.rate(scalars, tuple(u), p), *vector.output(scalars, tuple(u), p)])
+
+    slopes = jax.vmap(lambda a: jax.jvp(all_of, (jnp.asarray(values),), (a,))[1])(jnp.eye(len(values)))
+    return np.any(np.nan_to_num(np.asarray(slopes), nan=1.0) != 0.0, axis=1)

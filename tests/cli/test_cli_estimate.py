@@ -1,0 +1,131 @@
+"""`plantfit estimate` and `plantfit track` on a plant with process noise whose truth is known."""
+
+import io
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_call import call
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
+
+import wandering_plants as lag  # type: ignore[import-not-found]
+
+WHOLE = (
+    lag.STUDY
+    + """
+[estimate]
+methods = ["maximum likelihood", "ekf", "kalman"]
+[estimate.process]
+x = [0.01, "5 K/s^0.5"]
+[estimate.measurement]
+y = "50 mK"
+[estimate.truth]
+K = 2.0
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    lag.save(lag.record(41, 400), folder / "bench.csv")
+    (folder / "lag.toml").write_text(WHOLE)
+    lag.save(lag.record(42, 800), folder / "healthy.csv")
+    lag.save(lag.record(43, 1600, lag.TRUTH | {"K": 2.8}, after=400), folder / "worn.csv")
+    return folder
+
+
+def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
+    monkeypatch.chdir(bench)
+    said = call(capsys, monkeypatch, "estimate", "lag.toml", "--json", "--out", "page.html")
+    assert said.code == 0, said.err
+    record = json.loads(said.out)
+    assert record["methods"] == ["least squares", "maximum likelihood", "EKF"]
+    assert [f["method"] for f in record["filters"]] == ["EKF", "Kalman filter"]
+    assert record["agree"] is True
+    assert [p["truth"] for p in record["parameters"]] == [2.0, None]
+    gain = record["parameters"][0]["estimates"]
+    assert all(e["low"] < 2.1 and e["high"] > 1.9 for e in gain.values())
+    assert [r["how"] for r in record["noise"]] == ["found", "given"]
+    assert record["noise"][1]["value"] == pytest.approx(0.05)
+    assert "How the constants settle" in (bench / "page.html").read_text("utf-8")
+
+    again = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf")
+    assert "study 1 has its answer" in again.err
+    assert "K [K/V]" in again.out
+    assert "EKF: The innovations are" in again.out
+    assert "initial x:" in again.out  # what was assumed
+
+
+def test_new_measurements_are_tracked(bench, capsys, monkeypatch):
+    monkeypatch.chdir(bench)
+    quiet = call(capsys, monkeypatch, "track", "lag.toml", "--recording", "healthy.csv", "--out", "rows.csv")
+    assert quiet.code == 0, quiet.err
+    assert "No alarm: the plant is what the study knows of it (800 samples" in quiet.out
+    rows = np.genfromtxt(bench / "rows.csv", delimiter=",", names=True, deletechars="")
+    assert (rows.dtype.names or ())[:4] == ("t_[s]", "x_[K]", "x_sd_[K]", "K_[K/V]")
+    assert np.all(rows["alarm"] == 0)
+    assert call(capsys, monkeypatch, "track", "lag.toml", "-r", "healthy.csv", "--out", "rows.csv").code == 10
+
+    worn = call(capsys, monkeypatch, "track", "lag.toml", "--recording", "worn.csv", "--every", "1s")
+    assert worn.code == 0
+    assert "ALARM at" in worn.err
+    assert "K has left what the study knows" in worn.err
+    lines = worn.out.strip().splitlines()
+    assert lines[0].startswith("t [s],x [K],x_sd [K],K [K/V],K_sd [K/V]")
+    assert len(lines) == 1 + 80
+    assert float(lines[-1].split(",")[3]) == pytest.approx(2.8, rel=0.1)
+    told = json.loads(call(capsys, monkeypatch, "track", "lag", "--recording", "worn.csv", "--json").out)
+    assert told["alarms"][0]["parameter"] == "K"
+    assert told["alarms"][0]["t"] > 20.0
+    assert told["looks"] >= 1
+
+
+def test_standard_input_is_tracked(bench, capsys, monkeypatch):
+    monkeypatch.chdir(bench)
+    read, write = os.pipe()
+    os.write(write, (bench / "healthy.csv").read_bytes()[:20000])
+    os.close(write)
+
+    class Standard(io.StringIO):
+        def fileno(self):
+            return read
+
+    monkeypatch.setattr(sys, "stdin", Standard())
+    said = call(capsys, monkeypatch, "track", "lag.toml", "--recording", "-", "--json")
+    os.close(read)
+    assert said.code == 0, said.err
+    assert json.loads(said.out)["samples"] > 500
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "code", "sentence"),
+    [
+        (("[estimate]", "[estimate]\nmetods = 1"), ["estimate"], 7, "key 'estimate.metods' is not known; did you mean 'methods'?"),
+        (("[estimate.process]\nx", "[estimate.process]\nv"), ["estimate"], 7, "[estimate.process] names 'v', which is no state"),
+        (('y = "50 mK"', "y = -1"), ["estimate"], 6, "[estimate]: The measurement level of 'y' is -1.0"),
+        (('y = "50 mK"', 'y = "50 mV"'), ["estimate"], 4, "[estimate.measurement] y = '50 mV'"),
+        (("K*u", "K*delay(u, 0.1)"), ["track", "--recording", "healthy.csv"], 5, "has a dead time, which a filter on line does not keep"),
+        (("", ""), ["track", "--recording", "none.csv"], 3, "There is no recording 'none.csv'"),
+        (("", ""), ["track", "--recording", "healthy.csv", "--idle", "3s"], 3, "--idle is for a recording that grows"),
+        (("", ""), ["track", "--recording", "healthy.csv", "--like", "x"], 7, "--like x: the study has no such recording; it has bench"),
+        (
+            ('time = "t"', 'time = "t"\nclean = [{ step = "lowpass", signal = "y", cutoff = 3.0 }]'),
+            ["track", "--recording", "healthy.csv", "--follow"],
+            7,
+            "'lowpass', which looks at neighbouring rows",
+        ),
+    ],
+)
+def test_a_users_slip_is_told_in_one_sentence(bench, capsys, monkeypatch, change, words, code, sentence):
+    monkeypatch.chdir(bench)
+    (bench / "slip.toml").write_text(WHOLE.replace(*change, 1) if change[0] else WHOLE)
+    said = call(capsys, monkeypatch, words[0], "slip.toml", *words[1:], "--store", "slip.db")
+    assert said.code == code, said.err
+    assert sentence in said.err
+    assert "Traceback" not in said.err
+    assert "inside" not in said.err

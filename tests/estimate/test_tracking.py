@@ -1,0 +1,305 @@
+"""A study's filter on line: a healthy plant stays quiet at the stated rate, a changed one is named, and rows come as they are written."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import wandering_plants as lag
+
+import plantfit as pf
+from plantfit.errors import ModelError, RecordingError, SearchError
+from plantfit.estimate.watch.changes import Calibration, Changes
+from plantfit.recording.readers.text.growing import GrowingTable
+
+
+@pytest.fixture(scope="module")
+def tracker():
+    return pf.track(lag.problem(lag.record(31, 500)), false_alarm=0.01)
+
+
+def fed(tracker, recording, pieces=1):
+    tracker.restart()
+    for part in np.array_split(np.arange(len(recording)), pieces):
+        signals = {n: pf.Signal(s.values[part], s.unit) for n, s in recording.signals.items()}
+        tracker.feed(pf.Recording(recording.t[part], signals, recording.name))
+    tracker.finish()
+    return tracker
+
+
+def quiet_test(alpha, runs, looks, seed, drift=0.0):
+    """Share of runs in which scores drawn from their own law raise an alarm: d = 2, information of a real filter's size."""
+    rng, count = np.random.default_rng(seed), 0
+    information = np.array([[30.0, 10.0], [10.0, 20.0]])
+    root = np.linalg.cholesky(information)
+    known = np.array([[1.0, 0.3], [0.3, 1.0]])
+    for _ in range(runs):
+        test = Changes(["a", "b"], known, np.array([True, True]), Calibration(np.ones(2), 1.0, 1.0, 1e6), alpha)
+        error = np.linalg.cholesky(known) @ rng.standard_normal(2) + [drift, 0.0]
+        for k in range(looks):
+            scores = root @ rng.standard_normal(2) + information @ error
+            if test.look(k, k + 1.0, scores, information, float(rng.chisquare(20)), 20) is not None:
+                count += 1
+                break
+    return count / runs
+
+
+def test_the_false_alarm_rate_is_the_stated_one_at_most():
+    rate = quiet_test(0.2, 300, 60, 1)
+    assert 0.01 < rate < 0.2 + 3 * np.sqrt(0.2 * 0.8 / 300)
+    assert quiet_test(0.01, 300, 60, 2) <= 0.02
+    assert quiet_test(0.01, 100, 60, 3, drift=6.0) > 0.9  # six standard errors of the study
+
+
+def test_the_shares_of_all_looks_add_up_to_the_stated_rate():
+    from plantfit.estimate.watch.changes import SUM
+
+    n = np.arange(2.0, 2e6)
+    rest = 1.0 / np.log(2e6)  # of the integral beyond
+    assert np.sum(1 / (n * np.log(n) ** 2)) + rest == pytest.approx(SUM, abs=1e-4)
+
+
+def test_a_healthy_plant_raises_no_alarm_and_is_followed(tracker):
+    count = 0
+    for seed in range(20):
+        count += bool(fed(tracker, lag.record(400 + seed, 1500, hold=(1, 15)[seed % 2])).alarms)
+    assert count <= 1
+    last = tracker.rows[-1]
+    for name, value in lag.TRUTH.items():
+        assert abs(last[name] - value) < 5 * last[f"{name}_sd"]
+        assert 0 < last[f"{name}_sd"] < 0.2 * value
+    assert 0.6 < np.mean([row["nis"] for row in tracker.rows]) < 1.5
+    fed(tracker, lag.record(400, 1500))
+    assert "No alarm" in tracker.sentence
+    assert tracker.to_frame().height == len(tracker.rows) == 1500 // tracker.length
+
+
+@pytest.mark.parametrize(("name", "factor"), [("K", 1.3), ("tau", 2.2), ("K", 0.7)])
+def test_a_changed_parameter_is_seen_named_and_followed(tracker, name, factor):
+    named, t = [], 500 * lag.PERIOD
+    for seed in range(5):
+        then = lag.TRUTH | {name: lag.TRUTH[name] * factor}
+        done = fed(tracker, lag.record(600 + seed, 2500, then, after=500))
+        assert done.alarms, seed
+        alarm = done.alarms[0]
+        assert alarm.t > t
+        named.append(alarm.parameter)
+        assert (alarm.to_value > alarm.from_value) == (factor > 1)
+        assert f"{name} has left what the study knows" in alarm.sentence or alarm.parameter != name
+        last = done.rows[-1]
+        assert abs(last[name] - then[name]) < 5 * last[f"{name}_sd"]
+    assert named.count(name) >= 4
+
+
+def test_a_sensor_that_gets_worse_is_told_as_no_parameter(tracker):
+    good, bad = lag.record(700, 1500), lag.record(700, 1500)
+    y = bad["y"].copy()
+    y[700:] += 0.3 * np.random.default_rng(1).standard_normal(800)
+    done = fed(tracker, pf.Recording(good.t, {**good.signals, "y": pf.Signal(y, "K")}, "bad"))
+    assert done.alarms[0].parameter is None
+    assert "times as large as the study expects" in done.alarms[0].sentence
+    assert done.alarms[0].t > 700 * lag.PERIOD
+
+
+def test_pieces_give_the_rows_of_the_whole(tracker):
+    recording = lag.record(800, 307)
+    whole = list(fed(tracker, recording).rows)
+    parts = fed(tracker, recording, pieces=40).rows
+    assert len(whole) == len(parts)
+    for a, b in zip(whole, parts, strict=True):
+        assert a == pytest.approx(b, rel=1e-12)
+
+
+def test_the_tracked_states_are_those_of_the_filter_on_line(tracker):
+    """Another way to the same numbers: `ekf(...).online()`, sample by sample, with the same prior, drift and noise."""
+    from plantfit.estimate import Noise, ekf
+
+    recording = lag.record(801, 200)
+    done = fed(tracker, recording)
+    f = tracker.filter
+    noise = Noise(tracker.noise.process, tracker.noise.measurement, {"x": float(f.root[0, 0])})
+    prior, drift = (dict(zip(["K", "tau"], v.tolist(), strict=True)) for v in (f.prior, f.drift))
+    at = dict(zip(["K", "tau"], tracker.values.tolist(), strict=True))
+    online = ekf(tracker.problem, noise, ["K", "tau"], at=at, prior=prior, drift=drift).online()
+    for t, u, y in zip(recording.t, recording["u"], recording["y"], strict=True):
+        now = online.update(float(t), {"u": float(u)}, {"y": float(y)})
+    last = done.rows[-1]
+    assert last["x"] == pytest.approx(now.states["x"], rel=1e-9)
+    assert last["x_sd"] == pytest.approx(now.sd["x"], rel=1e-9)
+    assert last["K"] == pytest.approx(now.parameters["K"], rel=1e-9)
+
+
+def test_slopes_are_those_of_finite_differences(tracker):
+    """What a parameter does to the innovations, against two filters held at other values."""
+    recording = lag.record(802, tracker.length)
+    t, u, y = tracker._arrays(recording)
+    f = tracker.filter
+    f.reset()
+    block, before = f.run(t, u, y), f.values.copy()
+    for j in range(2):
+        white = []
+        for sign in (1, -1):
+            f.values = before + sign * 1e-4 * f.axes[j]
+            f.reset()
+            f._advance.clear_cache()
+            white.append(f.run(t, u, y).white)
+        # the whitening depends on the parameters too, but hardly: the prediction does
+        differences = (white[0] - white[1]) / 2e-4
+        f.values = before
+        assert block.slopes[:, :, j] == pytest.approx(differences, abs=0.05 * np.max(np.abs(differences)))
+    f._advance.clear_cache()
+    f.reset()
+
+
+def test_what_cannot_be_tracked_is_told(tracker):
+    late = pf.equations(
+        "x' = (K*delay(u, L) - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"],
+        parameters={"K": {"bounds": (0.1, 9)}, "L": {"bounds": (0, 1)}, "tau": {"bounds": (0.1, 9)}},
+    )  # fmt: skip
+    with pytest.raises(ModelError, match="has a dead time, which a filter on line does not keep; delay the input"):
+        pf.track(pf.Problem(late, pf.from_arrays(period=0.1, signals={"u": np.ones(50), "y": np.ones(50)})))
+    tracker.restart()
+    r = lag.record(1, 50)
+    with pytest.raises(RecordingError, match=r"has none of the outputs \['y'\]"):
+        tracker.feed(pf.Recording(r.t, {"u": r.signals["u"]}, "new"))
+    nothing = pf.Signal(np.full(50, np.nan), "V")
+    with pytest.raises(RecordingError, match=r"input 'u' has no value in any of its 50 rows"):
+        tracker.feed(pf.Recording(r.t, {**r.signals, "u": nothing}, "new"))
+    tracker.feed(r)
+    with pytest.raises(RecordingError, match="came after one at"):
+        tracker.feed(r)
+    for wrong in (0.0, 1.0):
+        with pytest.raises(SearchError, match="false_alarm"):
+            pf.track(lag.problem(r), false_alarm=wrong)
+
+
+def test_rows_without_an_input_hold_it_and_missing_outputs_are_skipped(tracker):
+    recording = lag.record(803, 200)
+    gap = recording["u"].copy()
+    gap[100:104] = np.nan  # within a hold of 15 samples: nothing is lost but four measurements
+    y = recording["y"].copy()
+    y[100:104] = np.nan
+    fed(tracker, pf.Recording(recording.t, {"u": pf.Signal(gap, "V"), "y": recording.signals["y"]}, "gap"))
+    left = dict(tracker.rows[-1])
+    assert "196 samples, 4 rows without an input left out" in tracker.sentence
+    fed(tracker, pf.Recording(recording.t, {"u": recording.signals["u"], "y": pf.Signal(y, "K")}, "gap"))
+    skipped = tracker.rows[-1]
+    for name in ("x", "K", "tau", "K_sd"):
+        assert left[name] == pytest.approx(skipped[name], rel=1e-4)  # one step of five periods, or five with tangents of their own
+
+
+# -- a file that grows ------------------------------------------------------------------------------
+
+
+class Pipe:
+    """What has been written since the last look."""
+
+    def __init__(self):
+        self.bytes = b""
+
+    def read(self):
+        now, self.bytes = self.bytes, b""
+        return now
+
+
+def grown(text, cuts, read=pf.read_csv):
+    """Recordings of a text that comes in pieces."""
+    pipe = Pipe()
+    table, found, at = GrowingTable(pipe, read), [], 0
+    for cut in [*cuts, len(text)]:
+        pipe.bytes, at = text[at:cut].encode(), cut
+        found.append(table.poll())
+    found.append(table.poll(last=True))
+    return [f for f in found if f is not None]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rows_in_pieces_are_the_rows_of_the_file(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(300) + 0.02 * rng.random(300)
+    header = ["t [s],u [V]\n", "# a logger\nt [s],u [V]\n", "t [s];u [V]\n", "time,u [V]\n"][seed]
+    mark, comma = ("," if seed != 2 else ";"), ("." if seed != 2 else ",")
+    rows = [f"{a:.4f}{mark}{b:.5f}\n".replace(".", comma) for a, b in zip(t, rng.standard_normal(300), strict=True)]
+    if seed == 3:  # clock times, which the reader counts from the first row
+        rows = [f"2026-03-01T10:{int(a // 60):02d}:{a % 60:07.4f},{k}\n" for k, a in enumerate(t)]
+    text = header + "".join(rows)
+    (tmp_path / "whole.csv").write_text(text)
+    whole = pf.read_csv(tmp_path / "whole.csv")
+    parts = grown(text.rstrip("\n"), sorted(rng.integers(0, len(text), 12)))
+    assert len(parts) > 3
+    assert np.concatenate([p.t for p in parts]) == pytest.approx(whole.t, abs=1e-6)
+    assert np.array_equal(np.concatenate([p["u"] for p in parts]), whole["u"])
+
+
+def test_a_time_that_goes_back_and_a_row_that_is_none_are_told():
+    head = "t,u\n" + "".join(f"{k},{k}\n" for k in range(20))
+    with pytest.raises(RecordingError):
+        grown(head + "3,1\n4,1\n", [len(head)])
+    with pytest.raises(RecordingError):
+        grown(head + "20,broken\n21,1\n", [len(head)])
+
+
+def test_a_file_is_followed_while_it_is_written(tmp_path, tracker):
+    from plantfit.cli.commands.at_bench.track import _File, _grown
+
+    recording, file = lag.record(900, 240), tmp_path / "new.csv"
+    lag.save(recording, tmp_path / "whole.csv")
+    lines = (tmp_path / "whole.csv").read_text().splitlines(keepends=True)
+    file.write_text(lines[0])
+
+    def write():
+        with Path(file).open("a") as f:
+            for k in range(1, len(lines), 40):
+                f.write("".join(lines[k : k + 40]))
+                f.flush()
+                time.sleep(0.05)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    with file.open("rb") as stream:
+        parts = list(_grown(_File(stream), pf.read_csv, "new", 2.0, lambda: False))
+    writer.join()
+    assert np.concatenate([p.t for p in parts]) == pytest.approx(recording.t, abs=1e-8)
+    tracker.restart()
+    for p in parts:
+        tracker.feed(p)
+    tracker.finish()
+    in_pieces = list(tracker.rows)
+    whole = fed(tracker, pf.read_csv(tmp_path / "whole.csv")).rows
+    assert [r["t"] for r in in_pieces] == pytest.approx([r["t"] for r in whole])
+    assert in_pieces[-1]["K"] == pytest.approx(whole[-1]["K"], rel=1e-9)
+
+
+def test_the_file_of_a_running_recorder_is_followed_over_gaps(tmp_path, tracker):
+    """What `plantfit record` writes: OUT.part with a log above the header, empty rows where samples were lost, a new name at the end."""
+    from plantfit.cli.commands.at_bench.track import _source
+    from plantfit.rig.board.part_file import PartFile, part_of
+
+    recording = lag.record(901, 200)
+    cells = zip(recording.t, recording["u"], recording["y"], strict=True)
+    rows = [f"{t:.6f},{u:.10g},{y:.10g},{k},0" for k, (t, u, y) in enumerate(cells)]
+    for k in (120, 121):
+        rows[k] = f"{recording.t[k]:.6f},,,,1"
+    out = tmp_path / "run.csv"
+    part = PartFile(out, "t [s],u [V],y [K],counter,gap", ["Recorded from board 'bench'."])
+
+    def write():
+        for k in range(0, 200, 50):
+            part.add(rows[k : k + 50])
+            time.sleep(0.3)
+        part.finish(["Recorded."])
+
+    while not part_of(out).exists():
+        time.sleep(0.01)
+    writer = threading.Thread(target=write)
+    writer.start()
+    tracker.restart()
+    for piece in _source(str(part_of(out)), pf.read_csv, True, 2.5, lambda: False):
+        tracker.feed(piece)
+    tracker.finish()
+    writer.join()
+    assert "198 samples, 2 rows without an input left out" in tracker.sentence
+    assert out.exists()
+    live = dict(tracker.rows[-1])
+    assert live == pytest.approx(fed(tracker, pf.read_csv(out)).rows[-1], rel=1e-9)
