@@ -374,6 +374,7 @@ def tune_search(
 
 app.command()(bench.excite)
 app.command()(bench.record)
+app.command()(bench.rig)
 app.command()(sensitivity.sensitivity)
 app.command()(tune_controller.tune)
 app.command()(export_plant.export)
