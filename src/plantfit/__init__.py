@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from plantfit.problem import Experiment, Problem, split
     from plantfit.recording import Recording, Signal, from_arrays, from_frame, read, read_csv
     from plantfit.records_compared import RecordsCompared, compare_records
+    from plantfit.regression import Regressed, regress
     from plantfit.reopen import open_study
     from plantfit.report import write_report
     from plantfit.space import Parameter, Space
@@ -44,6 +45,7 @@ _PLACES = {
     "Progress": "plantfit.optimize",
     "Recording": "plantfit.recording",
     "RecordsCompared": "plantfit.records_compared",
+    "Regressed": "plantfit.regression",
     "RunResult": "plantfit.optimize",
     "Signal": "plantfit.recording",
     "Space": "plantfit.space",
@@ -61,6 +63,7 @@ _PLACES = {
     "open_study": "plantfit.reopen",
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
+    "regress": "plantfit.regression",
     "split": "plantfit.problem",
     "tune": "plantfit.controllers",
     "write_report": "plantfit.report",
@@ -84,6 +87,7 @@ __all__ = [
     "Progress",
     "Recording",
     "RecordsCompared",
+    "Regressed",
     "RunResult",
     "Signal",
     "Space",
@@ -104,6 +108,7 @@ __all__ = [
     "read",
     "read_csv",
     "recording",
+    "regress",
     "split",
     "tune",
     "write_report",

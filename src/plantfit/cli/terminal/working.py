@@ -28,6 +28,8 @@ def ready(study: Any, number: int | None) -> Ready:
     from plantfit import rebuild
     from plantfit.fitting import prepare
 
+    if study.regression is not None:
+        raise SearchError(f"{study.path.name} has a table [regression] and needs no search; solve it by `plantfit run {study.path.name}`.")
     started = time.perf_counter()
     problem = prepare(study.problem)
     return Ready(study, problem, rebuild.objective(study, problem), number, time.perf_counter() - started)

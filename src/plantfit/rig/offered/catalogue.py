@@ -87,8 +87,8 @@ def _number(rig: str, number: Number, value: float | str) -> float:
             raise UnitError(f"Rig {rig!r}, {number.name}: {error}") from None
         if unit and not units.compatible(unit, number.unit):
             raise UnitError(
-                f"Rig {rig!r}: {number.name} = {value!r} is in {unit!r}, but {number.name} ({number.sentence}) is in {number.unit or '1'!r}; "
-                "give it in a unit of that kind."
+                f"Rig {rig!r}: {number.name} = {value!r} is in {unit!r}, but {number.name} ({number.sentence}) is in "
+                f"{number.unit or '1'!r}; give it in a unit of that kind."
             )
         value = float(units.convert(found, unit, number.unit)) if unit else found
     try:

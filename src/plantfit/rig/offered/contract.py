@@ -82,7 +82,7 @@ class RigRecord:
     study: Callable[[str, str], str] = field(repr=False)
 
     def save(self, path: str | Path, study: bool = False, exact: bool = False, force: bool = False) -> dict[str, Path]:
-        """Write the record (a CSV file) and beside it its truth, RECORD.truth.json; with `study` RECORD.toml, with `exact` RECORD.exact.csv.
+        """Write the record (CSV) and beside it its truth, RECORD.truth.json; with `study` RECORD.toml, with `exact` RECORD.exact.csv.
 
         Gives the paths by "record", "truth", "study" and "exact". Raises RecordingError where one is there already and `force` is
         not set, and where the folder cannot be written to.

@@ -43,7 +43,7 @@ def _level(part: str, whole: str, unit: str) -> float:
         value, own = units.quantity(part)
     except UnitError:
         raise SimulationError(
-            f"The excitation {whole!r} is no value and no file; write a value such as 6{unit}, several such as 3{unit},6{unit}, or the name "
-            "of a CSV file that is there."
+            f"The excitation {whole!r} is no value and no file; write a value such as 6{unit}, several such as 3{unit},6{unit}, or the "
+            "name of a CSV file that is there."
         ) from None
     return float(units.convert(value, own, unit)) if own else value

@@ -113,9 +113,9 @@ def _study(file: str, name: str, n: Mapping[str, float], constants: bool) -> str
     text += f"name = {dumps(name, ensure_ascii=False)}\n\n[recording.steps]\nfile = {dumps(file, ensure_ascii=False)}\n"
     text += f"before = {{ u = 0.0 }}    # the valve was closed\n\n{model}"
     for key, limit, said in (("transducer", n["transducer_limit"], "pressure transducer"), ("card", n["card_limit"], "input card")):
-        if limit:
-            text += f'\n[uncertainty.{key}]  # {said}; its zero was set before the step\nof = "y"\nkind = "full scale"\nlimit = {limit!r}\n'
-            text += f'unit = "%"\nspan = {n["span"]!r}\n'
+        if limit:  # the error at full scale less that at zero: two even errors make a triangular one
+            text += f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was set before the step\n"
+            text += f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = "triangular"\n'
     return f"{text}\n[search]\nseed = 1\n"
 
 

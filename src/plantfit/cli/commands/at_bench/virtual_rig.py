@@ -44,7 +44,9 @@ def record(name: str, settings: Sequence[str], asked: dict[str, Any], place: str
     made = record_rig(name, _settings(settings), **{**asked, **times})
     written = made.save(place or f"{name}.csv", **files)
     if json:
-        return print_json({"rig": name, "samples": len(made.recording), "truth": made.truth, "files": {k: str(p) for k, p in written.items()}})
+        return print_json(
+            {"rig": name, "samples": len(made.recording), "truth": made.truth, "files": {k: str(p) for k, p in written.items()}}
+        )
     for line in made.recording.log:
         out.print(line, markup=False)
     told = [f"{n} = {d['value']:.6g} {d['unit']}" for n, d in made.truth["determined"].items() if isinstance(d["value"], float)]
