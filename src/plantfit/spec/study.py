@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
@@ -17,13 +18,16 @@ from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
+from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import experiment_of
-from plantfit.spec.regression import Prepared, missing_instruments, prepared
 from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
 from plantfit.trust.stated_errors.shared_error import SharedError
+
+if TYPE_CHECKING:
+    from plantfit.spec.regression import Prepared
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Study:
     table: SpecTable
     errors: tuple[SharedError, ...] = ()
     draws: int | None = None
-    regression: Prepared | None = None
+    regression: "Prepared | None" = None
     biased: Mapping[str, str] | None = None
 
 
@@ -52,6 +56,8 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
     model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files) for n, r in table.recording.items()}
     regression, biased = None, missing_instruments(table, model)
     if table.regression is not None:
+        from plantfit.spec.regression import prepared  # filters and instruments need rooms of scipy that are slow to import
+
         regression = prepared(table, model, experiments, path)
         model, experiments = regression.model, regression.experiments
     elif table.model.filter_alike is not None:
