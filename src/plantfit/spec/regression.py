@@ -167,11 +167,6 @@ def _targets(
     outputs = {o: model.outputs[o] for o in r.targets}
     with _naming(f"{where} targets"):
         made = equations(text, inputs=inputs, outputs=outputs, constants=r.constants, name="targets")
-    if made.parameters:
-        name = made.parameters[0].name
-        raise SpecError(
-            f"{where}: targets has {name!r}, which is no recorded signal, no derivative and none of the constants; give it there."
-        )
 
     def of(s: Recording) -> Mapping[str, Any]:
         s = in_units(s, inputs)
