@@ -18,7 +18,7 @@ def test_rigs_are_listed_with_what_they_take(capsys, monkeypatch):
     assert "--without: i" in one.out
     told = json.loads(call(capsys, monkeypatch, "rig", "--json").out)
     assert [r["name"] for r in told] == list(names())
-    assert {"name": "l1", "unit": "m", "value": 0.15} == {k: told[1]["numbers"][6][k] for k in ("name", "unit", "value")}
+    assert {k: told[1]["numbers"][6][k] for k in ("name", "unit", "value")} == {"name": "l1", "unit": "m", "value": 0.15}
 
 
 def test_a_record_with_constants_of_ones_own_its_truth_and_a_study_that_is_ready(capsys, monkeypatch, tmp_path):
@@ -46,8 +46,8 @@ def test_duration_period_excitation_and_channels(capsys, monkeypatch, tmp_path):
     )
     assert excite.code == 0, excite.err
     made = call(
-        capsys, monkeypatch, "rig", "dc_motor", "--excitation", tmp_path / "e.csv", "--period", "50ms", "--without", "i", "--exact", "--study",
-        "--out", tmp_path / "m.csv",
+        capsys, monkeypatch, "rig", "dc_motor", "--excitation", tmp_path / "e.csv", "--period", "50ms", "--without", "i", "--exact",
+        "--study",         "--out", tmp_path / "m.csv",
     )  # fmt: skip
     assert made.code == 0, made.err
     record = read_csv(tmp_path / "m.csv")

@@ -31,7 +31,7 @@ def init(
         raise SpecError(
             "--candidates compares models without physics; leave it out with --model."
             if candidates
-            else f'init writes a study of the model dc_motor, and not of {model!r}; for others write [model] kind = "..." (`plantfit models`).'
+            else f"init writes a study of the model dc_motor, and not of {model!r}; for others write [model] kind (`plantfit models`)."
         )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table

@@ -84,8 +84,8 @@ def _found(source: str, columns: "Sequence[ColumnSummary]", wanted: Sequence[str
             have = ", ".join(repr(c.header) for c in moving) or "none that moves"
             hint = " (a duty is turned into it by the step duty_to_voltage)" if channel == "V" else " (of counts by counts_to_speed)"
             raise RecordingError(
-                f"{source}: no column is a motor's {_NAMED[channel]} in {_KINDS[channel][0]}{hint}; its columns are {have}. Give the column "
-                f"its unit, as in '{channel} [{_KINDS[channel][0]}]'."
+                f"{source}: no column is a motor's {_NAMED[channel]} in {_KINDS[channel][0]}{hint}; its columns are {have}. Give the "
+                f"column its unit, as in '{channel} [{_KINDS[channel][0]}]'."
             )
     return found
 
@@ -148,7 +148,8 @@ _QUOTED_W, _QUOTED_A = '"w_start"', '"a_start"'
 
 def _range(c: "ColumnSummary", unit: str) -> tuple[float, float, float]:
     """Lowest, highest and first value of a column in `unit`."""
-    assert c.minimum is not None and c.maximum is not None
+    assert c.minimum is not None
+    assert c.maximum is not None
     first = c.first_number if c.first_number is not None else c.minimum
     low, high, begin = (float(units.convert(float(v), c.unit, unit)) if c.unit else float(v) for v in (c.minimum, c.maximum, first))
     return low, high, begin
