@@ -148,6 +148,7 @@ def test_a_fit_by_search_is_refused(tmp_path):
         ('{ q = "q_ref" }', '{ p = "q_ref" }', "reference gives 'p', which derivatives does not name"),
         ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v", "w"] }', "the model reads 'a', which is neither recorded nor"),
         ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v"] }', "derivatives.q"),
+        ('["v", "a"]', '["v", "q"]', "names 'q' twice"),
         ('held = ["u"]', 'held = ["U"]', "held names 'U'.*Did you mean 'u'"),
         ("targets = { F", "targets = { G", "targets gives 'G', which is no output"),
         ("k*u", "k*z", "'z'"),
@@ -183,6 +184,9 @@ def test_a_filter_said_twice_and_parameters_that_a_regression_has_not(tmp_path):
     path = written(tmp_path)
     path.write_text(path.read_text("utf-8").replace("[parameters.M]", "filter_alike = { cutoff = 5 }\n[parameters.M]"), "utf-8")
     with pytest.raises(SpecError, match="leave filter_alike out"):
+        pf.load(path)
+    path = written(tmp_path, more='[uncertainty.x]\nof = "F"\nkind = "gain"\nlimit = 1\nunit = "%"')
+    with pytest.raises(SpecError, match="are not carried through a regression"):
         pf.load(path)
     path = written(tmp_path)
     path.write_text(path.read_text("utf-8").replace("[parameters.M]\n", "[parameters.M]\nper_recording = true\n"), "utf-8")

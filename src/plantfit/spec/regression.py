@@ -66,6 +66,8 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
         raise SpecError(f"{where}: band filters columns and targets alike already; leave filter_alike out of [model].")
     with _naming(where):
         linear = model if isinstance(model, LinearModel) else as_regression(model)
+    if table.uncertainty:
+        raise SpecError(f"{where}: errors of instruments are not carried through a regression; leave [uncertainty] out.")
     _check(r, linear, experiments, where)
     inverse = InverseDynamics(
         linear, {a: (pair[0], pair[1]) for a, pair in r.derivatives.items()}, _targets(r, linear, experiments, where), tuple(r.held),
@@ -104,6 +106,10 @@ def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Exp
         )
     if r.method == "least squares" and r.reference:
         raise SpecError(f"{where}: reference makes instruments, and method is least squares; leave one of them out.")
+    names = [*r.derivatives, *(n for pair in r.derivatives.values() for n in pair)]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise SpecError(f"{where}: derivatives names {twice!r} twice; a signal and its two derivatives need names of their own.")
     for name, e in experiments.items():
         known = list(e.recording.signals)
         for key, wanted in (("derivatives", list(r.derivatives)), ("held", r.held), ("reference", list(r.reference.values()))):

@@ -19,6 +19,7 @@ def solved(study: Any, place: Path, quiet: bool) -> dict[str, Any]:
         "command": f"plantfit run {study.path.name}",
         "outputs": {o: unit for o, unit in study.problem.model.outputs.items()},
         **answer.record,
+        "apart": [n for n in study.problem.space.names if n not in answer.values],
         "data": [*study.regression.sentences, *([study.biased] if study.biased else [])],
     }
     record["verdict"] = [*sentences_of(record), *({"level": d["level"], "sentence": d["sentence"]} for d in record["data"])]

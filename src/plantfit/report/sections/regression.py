@@ -39,6 +39,11 @@ def sentences_of(record: Mapping[str, Any]) -> list[dict[str, str]]:
         said.append({"level": "good", "sentence": test["sentence"]})
     for name, value in record["held"].items():
         said.append({"level": "info", "sentence": f"{name} was held at {value:g}."})
+    if record["apart"]:
+        told = ", ".join(p["name"] for p in record["parameters"])
+        said.append(
+            {"level": "info", "sentence": f"Only {told} stand in the columns; {', '.join(record['apart'])} are known by them alone."}
+        )
     for part, word in (("fit", "fitted"), ("validation", "unseen")):
         errors = record["rmse"].get(part)
         if errors:
