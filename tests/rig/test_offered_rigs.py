@@ -22,8 +22,8 @@ def same(a, b):
 
 @pytest.mark.parametrize("name", names())
 def test_a_seed_gives_the_same_bits_and_another_seed_another_record(name):
-    short = {"duration": {"pendubot": 3.0, "robot_motor": 0.05}.get(name, 20.0)}
-    one, again, other = (record_rig(name, seed=s, **short) for s in (3, 3, 4))
+    short = {"pendubot": 3.0, "robot_motor": 0.05}.get(name, 20.0)
+    one, again, other = (record_rig(name, seed=s, duration=short) for s in (3, 3, 4))
     assert same(one.recording, again.recording)
     assert one.truth == again.truth
     assert not same(one.recording, other.recording)
