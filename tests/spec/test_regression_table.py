@@ -5,7 +5,6 @@ import pytest
 
 import plantfit as pf
 from plantfit.errors import ModelError, PlantfitError, SearchError, SpecError
-from plantfit.models.library.catalogue import make
 from plantfit.models.parts.as_regression import as_regression
 from plantfit.recording import from_arrays, to_csv
 from plantfit.rig.offered import record_rig
@@ -231,4 +230,4 @@ def test_equations_as_columns_are_those_written(tmp_path):
     a, v = np.linspace(1, 2, 5), np.linspace(-1, 3, 5)
     np.testing.assert_allclose(model.columns({"a": a, "v": v}), np.stack([a, np.tanh(v / 0.1)], axis=1), rtol=1e-14)
     with pytest.raises(ModelError, match="has states"):
-        as_regression(make("drive"))
+        as_regression(pf.equations("x' = -k*x; y = x", states=["x"], outputs=["y"], parameters=["k"]))
