@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from plantfit.problem import Experiment, Problem, split
     from plantfit.recording import Recording, Signal, from_arrays, from_frame, read, read_csv
     from plantfit.records_compared import RecordsCompared, compare_records
+    from plantfit.regression import Regressed, regress
     from plantfit.reopen import open_study
     from plantfit.report import write_report
     from plantfit.space import Parameter, Space
@@ -50,6 +51,7 @@ _PLACES = {
     "Progress": "plantfit.optimize",
     "Recording": "plantfit.recording",
     "RecordsCompared": "plantfit.records_compared",
+    "Regressed": "plantfit.regression",
     "RunResult": "plantfit.optimize",
     "Signal": "plantfit.recording",
     "Space": "plantfit.space",
@@ -70,6 +72,7 @@ _PLACES = {
     "open_study": "plantfit.reopen",
     "read": "plantfit.recording",
     "read_csv": "plantfit.recording",
+    "regress": "plantfit.regression",
     "split": "plantfit.problem",
     "track": "plantfit.tracking",
     "tune": "plantfit.controllers",
@@ -97,6 +100,7 @@ __all__ = [
     "Progress",
     "Recording",
     "RecordsCompared",
+    "Regressed",
     "RunResult",
     "Signal",
     "Space",
@@ -120,6 +124,7 @@ __all__ = [
     "read",
     "read_csv",
     "recording",
+    "regress",
     "split",
     "track",
     "tune",

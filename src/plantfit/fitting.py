@@ -69,6 +69,10 @@ def fit(
     that cannot be used.
     """
     file = problem.study_file
+    if file is not None and file.solved:
+        raise SearchError(
+            f"{file.path.name} has a table [regression]; solve it by plantfit.regress, or by `plantfit run {file.path.name}`."
+        )
     errors, draws = _stated(problem, errors, draws, store is not None)
     check_errors(problem, errors)
     started = time.perf_counter()

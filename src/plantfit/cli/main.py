@@ -86,12 +86,15 @@ def init(
     outputs: Annotated[list[str] | None, typer.Option("--output", help="Column that is an output; once for each.")] = None,
     candidates: Annotated[bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; take what the columns seem to be.")] = False,
+    model: Annotated[
+        str | None, typer.Option("--model", help="dc_motor: its constants with a current, else what the speed determines of them.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what the columns of a recording seem to be, and write a commented study file that runs."""
     from plantfit.cli.commands.before import init as command
 
-    command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates)
+    command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates, model)
 
 
 @app.command()
@@ -393,6 +396,7 @@ def tune_search(
 app.command()(bench.excite)
 app.command()(bench.record)
 app.command()(bench.track)
+app.command()(bench.rig)
 app.command()(sensitivity.sensitivity)
 app.command()(next_experiment.design)
 app.command()(tune_controller.tune)

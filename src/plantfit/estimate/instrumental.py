@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
@@ -11,6 +12,9 @@ from plantfit.estimate.whitening import usable, whitening
 from plantfit.problem.measure.long_run import prewhitened_long_run
 
 ROUNDS = 10  # of residuals and whitening for one set of instruments
+APART = 0.05  # p-value below which estimates with and without whitening are taken to differ
+SHRUNK = 0.5  # of what the columns of an output explain without whitening: below it coefficients have gone to zero
+SETTLED_AT_LAST = 1.0  # plain standard errors that rounds which have not settled may be away
 SETTLED = 0.01  # change of every value, in standard errors, that ends the iterations
 
 Instruments = np.ndarray | Callable[[Mapping[str, float]], np.ndarray]
@@ -35,7 +39,8 @@ def instrumental_variables(
     itself if left out) on, until no value moves by 1 % of its standard error. With instruments = regressor it is least squares.
 
     Errors are made white by a vector autoregression of at most `largest_order` over samples numbered `index` (N,), which weights
-    the outputs too, unless `whiten` is False: all rows then count alike. The covariance is the sandwich with leverages (HC3 of
+    the outputs too, unless `whiten` is False: all rows then count alike. They do so too where whitening makes no error smaller, or leads
+    away from the estimate without it by more than its errors. The covariance is the sandwich with leverages (HC3 of
     MacKinnon and White, J. Econometrics 29 (1985) 305), long-run (Newey-West). Janot, Vandanjon, Gautier, IEEE Trans. Control
     Syst. Technol. 22 (2014) 132; filter of the errors: Young, Recursive Estimation and Time-Series Analysis, 2nd ed. (2011).
 
@@ -79,18 +84,40 @@ class _Rows(NamedTuple):
 
 
 def _solved(data: _Data, z: np.ndarray, iteration: int) -> Estimate:
-    """With instruments z (n, m, k): plain, then with the whitening that the residuals ask for."""
-    rows, order = _Rows(data.x, data.y, z, np.arange(len(z))), 0
+    """With instruments z (n, m, k): plain, then with the whitening that the residuals ask for, where that is an improvement."""
+    rows, order, settled = _Rows(data.x, data.y, z, np.arange(len(z))), 0, False
     values, inverse = _normal(rows, data.names)
-    for _ in range(ROUNDS if data.largest is not None else 0):
+    plain = _estimate(data, rows, values, inverse, order, iteration)
+    if data.largest is None:
+        return plain
+    for _ in range(ROUNDS):
         filtered = whitening(data.y - data.x @ values, data.index, data.largest or 0)
         kept = usable(data.index, filtered.order)
         rows = _Rows(filtered(data.x, kept), filtered(data.y, kept), filtered(z, kept), kept)
         before, (values, inverse) = values, _normal(rows, data.names)
-        if order == filtered.order and np.allclose(before, values, rtol=1e-6, atol=0.0):
+        settled = order == filtered.order and np.allclose(before, values, rtol=1e-6, atol=0.0)
+        if settled:
             break
         order = filtered.order
-    return _estimate(data, rows, values, inverse, order, iteration)
+    whitened = _estimate(data, rows, values, inverse, order, iteration)
+    return whitened if _improves(data, whitened, plain, settled) else plain
+
+
+def _improves(data: _Data, whitened: Estimate, plain: Estimate, settled: bool) -> bool:
+    """Whether an estimate with whitening is to be taken: both are consistent, so it lies within the errors of the plain one, below them.
+
+    Else the rounds have led astray: an equation whose target is zero holds exactly where all its coefficients are zero, and its ever
+    smaller residuals get an ever larger weight.
+    """
+    errors = np.maximum(plain.standard_error, 1e-300)
+    if not settled and np.max(np.abs(whitened.values - plain.values) / errors) > SETTLED_AT_LAST:
+        return False
+    explained = [np.sqrt(np.mean((data.x @ e.values) ** 2, axis=0)) for e in (whitened, plain)]
+    if np.any(explained[0] < SHRUNK * explained[1]) or np.mean(np.log(np.maximum(whitened.standard_error, 1e-300) / errors)) > 0:
+        return False
+    difference = (whitened.values - plain.values) / errors
+    statistic = float(difference @ np.linalg.pinv(plain.covariance / np.outer(errors, errors), rcond=1e-6) @ difference)
+    return bool(chdtrc(len(errors), statistic) > APART)
 
 
 def _normal(rows: _Rows, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -34,7 +34,7 @@ class InverseDynamics:
     """How recorded angles become the rows of a regression `model` whose outputs are torques.
 
     `joints` name each measured angle with the signals of its rate and acceleration. Angles and `held` inputs pass a low-pass
-    at `smoothing` Hz before they are differentiated; columns and torques then the parallel filter of `band` Hz, the band of
+    at `smoothing` Hz (None: none) before they are differentiated; columns and torques then the parallel filter of `band` Hz, the band of
     the motion. `held` names signals that are constant from each sample to the next: at a sample such a signal has the mean of
     both sides. `torques(signals)` gives the torque of every output, an array or a number.
     """
@@ -43,7 +43,7 @@ class InverseDynamics:
     joints: Mapping[str, tuple[str, str]]
     torques: Callable[[Recording], Mapping[str, Any]]
     held: tuple[str, ...] = ()
-    smoothing: float = 20.0
+    smoothing: float | None = 20.0
     band: float = 5.0
 
     def motion(self, recording: Recording) -> Recording:
@@ -53,16 +53,19 @@ class InverseDynamics:
                 values = recording[name]
                 centred = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1])])
                 recording = with_signal(recording, name, centred, recording.signals[name].unit, f"{name!r} is held between samples.")
-                recording = lowpass(recording, name, self.smoothing, order=4)
+                recording = self._smooth(recording, name)
         for angle, (rate, acceleration) in self.joints.items():
             known = {n: s for n, s in recording.signals.items() if n not in (rate, acceleration)}
-            recording = lowpass(Recording(recording.t, known, recording.name, recording.log), angle, self.smoothing, order=4)
+            recording = self._smooth(Recording(recording.t, known, recording.name, recording.log), angle)
             recording = differentiate(recording, angle, rate, "central")
             recording = differentiate(recording, rate, acceleration, "central")
         return recording
 
-    def rows(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-        """Columns (N, m, k) and torques (N, m) of all m outputs, filtered in parallel and thinned."""
+    def _smooth(self, recording: Recording, name: str) -> Recording:
+        return recording if self.smoothing is None else lowpass(recording, name, self.smoothing, order=4)
+
+    def columns(self, recording: Recording) -> tuple[LinearModel, Recording]:
+        """The regression whose signals are its columns, and these signals, filtered in parallel and thinned."""
         signals = self.motion(recording)
         given = self.torques(signals)
         missing = [o for o in self.model.outputs if o not in given]
@@ -75,8 +78,12 @@ class InverseDynamics:
         if not 0 < self.band < 0.4 / period:
             raise RecordingError(f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz.")
         every = max(1, int(1.0 / (SAMPLES * self.band * period)))
-        _, made = filter_alike(self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band)
-        thin = made[recording.name]
+        model, made = filter_alike(self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band)
+        return model, made[recording.name]
+
+    def rows(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (N, m, k) and torques (N, m) of all m outputs, filtered in parallel and thinned."""
+        thin = self.columns(recording)[1]
         columns = [np.stack([thin[f"{o}: {n}"] for n in self.model.coefficients], axis=-1) for o in self.model.outputs]
         return np.stack(columns, axis=1), np.stack([thin[o] for o in self.model.outputs], axis=-1)
 
@@ -98,12 +105,13 @@ class InverseDynamics:
             raise RecordingError("Nothing to make instruments of; give simulate, the noise-free closed loop, or the reference motion.")
         (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)
-        first = x if reference is None else self.rows(self._followed(recording, reference))[0]
+        first = x if reference is None else self.rows(self.followed(recording, reference))[0]
         again = None if simulate is None else lambda values: self.rows(_simulated(simulate, values))[0]
         estimate = instrumental_variables(x, y, first if again is None else again, names, start=first, iterations=iterations)
         return InverseFit(estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables")))
 
-    def _followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
+    def followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
+        """The recording with the angles that its controller was to follow, angle -> signal, in place of those measured."""
         missing = [angle for angle in self.joints if angle not in reference]
         if missing:
             raise RecordingError(f"reference names no signal for {missing[0]!r}; give one for each of {list(self.joints)}.")

@@ -39,12 +39,16 @@ _PREPARED = ("_full", "_index", "_measured", "_fit_drive")  # made by `_prepare`
 
 
 class StudyFile(NamedTuple):
-    """The study file that a problem was read from: its wording, where it lies, and the errors of instruments and refits that it states."""
+    """The study file that a problem was read from: its wording, where it lies, and the errors of instruments and refits that it states.
+
+    `solved`: by `plantfit.regress`, as its table [regression] says, and not by a search.
+    """
 
     text: str
     path: Path
     errors: tuple[Any, ...] = ()
     draws: int | None = None
+    solved: bool = False
 
 
 class Problem:

@@ -88,22 +88,27 @@ class SteamChamberRig:
 
     # -- what a user calls ------------------------------------------------------------------------
 
-    def record(self, opening: float, seed: int, duration: float | None = None) -> RigRun:
+    def record(self, opening: float | Recording, seed: int, duration: float | None = None) -> RigRun:
         """The step from rest and a closed valve to `opening` (%, above 0) at t = 0, for `duration` s (those of the paper if left out).
+
+        A recording with a signal u (%) and the rig's period moves the valve in place of one step; the truth is that of its first opening.
 
         The recording has u (%, what the valve was told) and y (bar); `exact` the valve, the supply's factor and the pressure. The
         instruments' errors come from `seed` alone, so that ten openings of one seed share a set-up. Raises SimulationError for
         an opening that is no share of a valve.
         """
-        if not 0 < opening <= 100:
-            raise SimulationError(f"The opening is {opening}; give a number above 0 and at most 100 (%).")
-        length = float(np.interp(opening, OPENINGS, DURATIONS)) if duration is None else float(duration)
-        if not length >= self.period:
-            raise SimulationError(f"The duration is {length:g} s; give at least one period, {self.period:g} s.")
-        name = f"opening{opening:g}"
+        if isinstance(opening, Recording):
+            t, told_valve, name = self._moved(opening)
+            opening = float(told_valve[0])
+        else:
+            _check_opening(opening)
+            length = float(np.interp(opening, OPENINGS, DURATIONS)) if duration is None else float(duration)
+            if not length >= self.period:
+                raise SimulationError(f"The duration is {length:g} s; give at least one period, {self.period:g} s.")
+            t, name = np.arange(round(length / self.period) + 1) * self.period, f"opening{opening:g}"
+            told_valve = np.full(len(t), float(opening))
         rng = np.random.default_rng([seed, round(1000 * opening)])
-        t = np.arange(round(length / self.period) + 1) * self.period
-        valve, supply = self._valve(opening, t), self._supply(rng, len(t))
+        valve, supply = self._valve(told_valve, t), self._supply(rng, len(t))
         p = self.truth(opening)
         y = simulated(p, t, valve * supply, self.substeps)
         errors = self.instrument_errors(seed)
@@ -119,7 +124,7 @@ class SteamChamberRig:
             "instrument_errors_bar": errors,
             "settings": {n: getattr(self, n) for n in ("span", "bits", "noise", "errors", "zeroed", "drift", "drift_time", "period")},
         }  # fmt: skip
-        seen = {"u": Signal(np.full(len(t), float(opening)), "%"), "y": Signal(shown, "bar")}
+        seen = {"u": Signal(told_valve, "%"), "y": Signal(shown, "bar")}
         true = {"valve": Signal(valve, "%"), "supply": Signal(supply, "1"), "y": Signal(y, "bar")}
         exact = Recording(t, true, name, ("Virtual steam chamber: exact signals.",))
         return RigRun(Recording(t, seen, name, (told,)), exact, truth)
@@ -138,11 +143,30 @@ class SteamChamberRig:
 
     # -- inside -----------------------------------------------------------------------------------
 
-    def _valve(self, opening: float, t: np.ndarray) -> np.ndarray:
-        """Where the valve is (%), (N,): within its limits, from its closed end at its rate."""
+    def _moved(self, openings: Recording) -> tuple[np.ndarray, np.ndarray, str]:
+        """Times (N,), openings (N,) (%) held between the samples of a recording, and its name."""
+        if "u" not in openings.signals:
+            raise SimulationError(f"The excitation {openings.name!r} has no signal 'u'; it has {list(openings.signals)}.")
+        t = np.arange(round(float(openings.t[-1] - openings.t[0]) / self.period) + 1) * self.period
+        values = openings["u"][np.searchsorted(openings.t - openings.t[0], t + 5e-10, side="right") - 1]
+        for worst in (values.min(), values.max()):
+            _check_opening(float(worst))
+        return t, values, openings.name
+
+    def _valve(self, told: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Where the valve is (%), (N,), that was told (N,): within its limits, from its closed end at its rate."""
         low, high = self.valve_limits
-        reached = np.full(len(t), float(np.clip(opening, low, high)))
-        return np.minimum(reached, low + self.valve_rate * t) if np.isfinite(self.valve_rate) else reached
+        wanted = np.clip(told, low, high)
+        if not np.isfinite(self.valve_rate):
+            return wanted
+        if np.all(wanted == wanted[0]):
+            return np.minimum(wanted, low + self.valve_rate * t)
+        reached, most = np.empty(len(t)), self.valve_rate * self.period
+        at = low
+        for k, goal in enumerate(wanted):
+            reached[k] = at
+            at += float(np.clip(goal - at, -most, most))
+        return reached
 
     def _supply(self, rng: np.random.Generator, n: int) -> np.ndarray:
         """Factor (N,) of the supply, 1 on average: an Ornstein-Uhlenbeck process sampled."""
@@ -154,6 +178,11 @@ class SteamChamberRig:
     def _converted(self, y: np.ndarray) -> np.ndarray:
         step = self.span / 2**self.bits
         return step * np.round(np.clip(y, _UNDER * self.span, _OVER * self.span) / step)
+
+
+def _check_opening(opening: float) -> None:
+    if not 0 < opening <= 100:
+        raise SimulationError(f"The opening is {opening}; give a number above 0 and at most 100 (%).")
 
 
 def simulated(p: Mapping[str, Any], t: np.ndarray, opening: np.ndarray, substeps: int) -> np.ndarray:

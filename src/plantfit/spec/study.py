@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
@@ -17,6 +18,7 @@ from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
+from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import experiment_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable
@@ -24,13 +26,17 @@ from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
 from plantfit.trust.stated_errors.shared_error import SharedError
 
+if TYPE_CHECKING:
+    from plantfit.spec.regression import Prepared
+
 
 @dataclass(frozen=True)
 class Study:
     """A study file, ready to run; `text` is its wording, `path` beside which its recordings are looked for.
 
     `errors` are those of instruments, clock and held values that it states, `draws` the refits that carry them to the parameters
-    (None: to first order).
+    (None: to first order). `regression` is what [regression] makes of model and recordings, whose problem is solved by
+    `plantfit.regress`; `biased` says, as looks at data do, that a regression needs instruments and has none.
     """
 
     name: str
@@ -41,19 +47,27 @@ class Study:
     table: SpecTable
     errors: tuple[SharedError, ...] = ()
     draws: int | None = None
+    regression: "Prepared | None" = None
+    biased: Mapping[str, str] | None = None
 
 
 def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path]) -> Study:
     """The study of checked tables; recordings are looked for beside `path`, or where `files` says."""
     model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files) for n, r in table.recording.items()}
-    if table.model.filter_alike is not None:
+    regression, biased = None, missing_instruments(table, model)
+    if table.regression is not None:
+        from plantfit.spec.regression import prepared  # filters and instruments need rooms of scipy that are slow to import
+
+        regression = prepared(table, model, experiments, path)
+        model, experiments = regression.model, regression.experiments
+    elif table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
     with _naming(path.name):
         problem = Problem(
             model,
             experiments,
             {n: _parameter(p) for n, p in table.parameters.items()},
-            scales=table.scales,
+            scales=table.scales if regression is None else {**regression.scales, **table.scales},
             balance=table.balance,
             hold=table.model.hold,
             clock_shift=table.model.clock_shift,
@@ -64,8 +78,9 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
         )
         check_problem(problem, table, path)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
-    problem.study_file = StudyFile(text, path, errors, table.propagation.draws)
-    return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws)
+    solved = table.regression is not None
+    problem.study_file = StudyFile(text, path, errors, table.propagation.draws, solved)
+    return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws, regression, biased)
 
 
 def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:

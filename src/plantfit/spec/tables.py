@@ -149,6 +149,19 @@ class PropagationTable(_Table):
     draws: Annotated[int, Field(ge=20, le=100_000)] | None = None
 
 
+class RegressionTable(_Table):
+    """How the columns of a regression are made of measured signals, and what is an instrument for them."""
+
+    method: Literal["instrumental variables", "least squares"] = "instrumental variables"
+    reference: dict[str, str] = {}
+    derivatives: dict[str, Annotated[list[str], Field(min_length=2, max_length=2)]] = {}
+    targets: dict[str, str] = {}
+    constants: dict[str, float | str] = {}
+    held: list[str] = []
+    smoothing: float | None = Field(None, gt=0)
+    band: float = Field(gt=0)
+
+
 class ControlTable(_Table):
     """What `plantfit tune` asks for; all is proposed from the study where it is left out."""
 
@@ -211,6 +224,7 @@ class SpecTable(_Table):
     propagation: PropagationTable = PropagationTable()
     control: ControlTable = ControlTable.model_validate({})
     estimate: EstimateTable = EstimateTable.model_validate({})
+    regression: RegressionTable | None = None
 
 
 def validated(text: str, path: Path) -> SpecTable:
@@ -294,6 +308,7 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
         "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
         "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable, "control": ControlTable,
         "estimate": EstimateTable,
+        "regression": RegressionTable,
     }  # fmt: skip
     table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
     if "states" in loc:

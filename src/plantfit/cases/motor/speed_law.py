@@ -15,6 +15,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models import equations
+from plantfit.models.library.speed_law import EDGE, EQUATIONS, LAW, UNITS, speed_law
 from plantfit.models.model import Model
 from plantfit.optimize import minimise
 from plantfit.problem import Problem
@@ -23,31 +24,22 @@ from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
 from plantfit.trust import linearise
 
-LAW = ("c0", "c1", "c2", "f")
 LABELS = ("(Rm Cm + K^2)/K", "(Rm Jm + Lm Cm)/K", "Lm Jm/K", "Rm Tf/K")
-UNITS = ("V*s/rad", "V*s^2/rad", "V*s^3/rad", "V")
 BOXES = {"c0": (0.02, 2.0), "c1": (0.005, 1.0), "c2": (1e-5, 0.05), "f": (-0.5, 0.5)}
 SUBSTEPS = 4
 
 
 def coefficients(p: Mapping[str, Any]) -> list[Any]:
     """The four coefficients of motor constants by name, Kt taken as Kb where it is not given."""
-    kt = p.get("Kt", p["Kb"])
-    return [
-        (p["Rm"] * p["Cm"] + kt * p["Kb"]) / kt,
-        (p["Rm"] * p["Jm"] + p["Lm"] * p["Cm"]) / kt,
-        p["Lm"] * p["Jm"] / kt,
-        p["Rm"] * p["Tf"] / kt,
-    ]
+    return speed_law(p)
 
 
 def law_model() -> Model:
     """The equation above for simulation, from rest; input V, output w."""
-    text = "w' = a\na' = (V - c0*w - c1*a - f*smooth_sign(w, edge))/c2"
     states = {"w": {"unit": "rad/s", "initial": 0}, "a": {"unit": "rad/s^2", "initial": 0}}
     kinds = {n: {"unit": u, "bounds": BOXES[n], "scale": "linear" if n == "f" else "log"} for n, u in zip(LAW, UNITS, strict=True)}
     signals = {"inputs": {"V": "V"}, "states": states, "outputs": {"w": "rad/s"}}
-    return equations(text, **signals, parameters=kinds, constants={"edge": "0.1 rad/s"}, name="speed law")
+    return equations(EQUATIONS, **signals, parameters=kinds, constants={"edge": EDGE}, name="speed law")
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,11 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     problem = steps_for(problem, z)
     from plantfit.trust.looks import problem_looks
 
-    record = {**_understood(study, problem), "data": [look.record for look in problem_looks(problem)], **_simulated(problem, z)}
+    record = {
+        **_understood(study, problem),
+        "data": [*_of_regression(study), *(look.record for look in problem_looks(problem))],
+        **_simulated(problem, z),
+    }
     from plantfit.trust.identify.before_fit import before_fit
 
     # sensitivities through events, friction and play compile for minutes
@@ -55,6 +59,12 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
             f"What these records can determine: plantfit check {spec} --identify (this model's sensitivities compile long).", markup=False
         )
     out.print(f"ready: plantfit run {spec}", markup=False)
+
+
+def _of_regression(study: Any) -> list[dict[str, Any]]:
+    """What is to be said of a regression: that it needs instruments and has none, or how they fit the band."""
+    looks = [study.biased] if study.biased else []
+    return [dict(look) for look in (*looks, *(study.regression.sentences if study.regression else ()))]
 
 
 def _understood(study: Any, problem: Any) -> dict[str, Any]:

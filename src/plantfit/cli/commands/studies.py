@@ -33,10 +33,30 @@ def run(
         if not json:
             out.print(f"Runs {paths[0]}, the study file with {' and '.join(additions)}.", markup=False)
     read = [specs.load(path) for path in paths]
+    solved = [study for study in read if study.regression is not None]
+    if solved and len(solved) < len(read):
+        raise SpecError(
+            f"{solved[0].path.name} has a table [regression] and is solved at once, the others are searched; run them by themselves."
+        )
+    if solved:
+        return _solve(solved, place, json)
+    for study in read:
+        if study.biased:
+            warn(f"{study.name}: {study.biased['sentence']}")
     from plantfit.study import Store  # sqlalchemy, after the study files were understood
 
     places = report_places([study.name for study in read], place)
     _work([ready(study, None) for study in read], Store.open(store), store, places, json, workers, scheduler, diagnose)
+
+
+def _solve(read: Sequence[Any], place: str | None, json: bool) -> None:
+    """Studies that need no search."""
+    from plantfit.cli.terminal.regressed import solved
+
+    places = report_places([study.name for study in read], place)
+    said = [solved(study, to, json) for study, to in zip(read, places, strict=True)]
+    if json:
+        print_json(said if len(said) > 1 else said[0])
 
 
 def resume(

@@ -6,6 +6,7 @@ from typing import Any
 
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line
+from plantfit.cli.terminal.working import demand_search
 from plantfit.errors import Interrupted, SearchError
 
 
@@ -22,6 +23,7 @@ def tune_search(
     narrowed, held = _ranges(ranges), _held(hold)
     names = None if only is None else [n.strip() for n in only.split(",") if n.strip()]
     study = specs.load(spec)
+    demand_search(study)
     objective = objective_of(prepare(study.problem))
     with progress_line(json) as tell, stoppable() as stop:
         found = tune(

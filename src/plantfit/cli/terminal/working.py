@@ -28,9 +28,16 @@ def ready(study: Any, number: int | None) -> Ready:
     from plantfit import rebuild
     from plantfit.fitting import prepare
 
+    demand_search(study)
     started = time.perf_counter()
     problem = prepare(study.problem)
     return Ready(study, problem, rebuild.objective(study, problem), number, time.perf_counter() - started)
+
+
+def demand_search(study: Any) -> None:
+    """Raise SearchError for a study that is solved at once: a search would end at plain least squares."""
+    if study.regression is not None:
+        raise SearchError(f"{study.path.name} has a table [regression] and needs no search; solve it by `plantfit run {study.path.name}`.")
 
 
 def worker_count(workers: str | None, scheduler: str | None) -> int | None:

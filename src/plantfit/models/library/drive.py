@@ -68,7 +68,8 @@ def drive_regression() -> LinearModel:
         force = M acceleration + Fv velocity + Fc sign(velocity) + offset
 
     Signals acceleration (m/s^2) and velocity (m/s), both from a filtered position; target force
-    (N). Parameters as in `drive`.
+    (N). Parameters as in `drive`. Errors of the differentiated position stand in the columns: where they are not small, fit it by
+    instrumental variables, in a study file by the table [regression].
 
     Source: Janot, Gautier, Brunot 2019 (EMPS), inverse dynamic identification model.
     """

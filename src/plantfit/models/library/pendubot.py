@@ -136,7 +136,12 @@ def pendubot_regression(
     """Torque of `joints` of a pendubot from its motion: the inverse of `pendubot`, from the same terms; options as there.
 
     Signals theta1, theta2 (rad), omega1, omega2 (rad/s), alpha1, alpha2 (rad/s^2); targets tau1, tau2 (N m). tau1 alone does
-    not show the friction of joint 2. The friction part "load" reads the signals load1, load2 (N m), a first estimate of the
+    not show the friction of joint 2.
+
+    Where rates and accelerations are derivatives of measured angles, their errors stand in the columns and least squares is off, by
+    10 % of b1 and all of b5 on the virtual rig: fit it by instrumental variables, in a study file by the table [regression].
+
+    The friction part "load" reads the signals load1, load2 (N m), a first estimate of the
     torque through each joint; not the target itself, whose noise would bias the coefficient. `sign` "presliding" reads slide1,
     slide2, which `recording.presliding` makes from the angles, over its own distance.
     """

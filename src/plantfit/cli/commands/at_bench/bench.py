@@ -1,4 +1,4 @@
-"""The commands at the bench, `plantfit excite`, `plantfit record` and `plantfit track`: what they take."""
+"""The commands at the bench, `plantfit excite`, `record`, `track` and `rig`: what they take."""
 
 from typing import Annotated
 
@@ -100,3 +100,31 @@ def track(
     from plantfit.cli.commands.at_bench import track as command
 
     command.track(given, recording, follow, idle, out, every, false_alarm, like, store, workers, force, json)
+
+
+def rig(
+    name: Annotated[str | None, typer.Argument(help="Which rig; all are listed if left out.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="A constant, noise or setting, as in l1=0.25 or l1=25cm (repeat); see --list.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Noise, phases and errors of instruments come from it; same seed, same bits.")] = 1,
+    duration: Annotated[str | None, typer.Option("--duration", help="As in 30s or 2min; the rig's own if left out.")] = None,
+    period: Annotated[str | None, typer.Option("--period", help="Time between samples, as in 2ms; the rig's own if left out.")] = None,
+    excitation: Annotated[
+        str | None, typer.Option("--excitation", "-e", help="Values one after another (3V,-3V or 20%,60%), or a CSV file with the input.")
+    ] = None,
+    without: Annotated[list[str] | None, typer.Option("--without", help="A channel that the record is to lack, as in i (repeat).")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file to write; NAME.csv if left out.")] = None,
+    study: Annotated[bool, typer.Option("--study", help="Also write a study file for the record, RECORD.toml.")] = False,
+    exact: Annotated[bool, typer.Option("--exact", help="Also write the signals without the sensors' faults, RECORD.exact.csv.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Show what the rig takes, and stop.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    json: Json = False,
+) -> None:
+    """Record a virtual plant with constants of your own; the truth is written beside the record, RECORD.truth.json."""
+    from plantfit.cli.commands.at_bench import virtual_rig as command
+
+    if name is None or list_:
+        return command.listed(name, json)
+    asked = {"seed": seed, "duration": duration, "period": period, "excitation": excitation, "without": without or []}
+    command.record(name, settings or [], asked, out, {"study": study, "exact": exact, "force": force}, json)

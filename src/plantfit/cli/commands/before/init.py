@@ -21,9 +21,18 @@ _TOLD = {"set point": "left out", "copy": "left out", "text": "left out", "empty
 
 def init(
     file: str, place: str | None, force: bool, json: bool, inputs: Sequence[str] = (), outputs: Sequence[str] = (), yes: bool = False,
-    candidates: bool = False,
+    candidates: bool = False, model: str | None = None,
 ) -> None:  # fmt: skip
-    """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and compare them."""
+    """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and compare them.
+
+    With `model` it is one of that model of the library.
+    """
+    if model is not None and (model != "dc_motor" or candidates):
+        raise SpecError(
+            "--candidates compares models without physics; leave it out with --model."
+            if candidates
+            else f"init writes a study of the model dc_motor, and not of {model!r}; for others write [model] kind (`plantfit models`)."
+        )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.roles import roles_of
@@ -45,6 +54,8 @@ def init(
     if found.problem:
         raise RecordingError(found.problem)
     known = {c.header: c for c in found.columns}
+    if model is not None:
+        return _motor(source, target, found, (*inputs, *outputs), name, json)
     ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
     if not json:
         _tell(source.name, found, roles)
@@ -52,11 +63,7 @@ def init(
     links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
     told = [f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)]
-    clock = (
-        f"time = {quoted(found.time)}"
-        if found.time is not None
-        else f"period = {period:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
-    )
+    clock = _clock(found)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
         text = study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
@@ -77,6 +84,34 @@ def init(
         out.print("No time column was found: put the seconds between rows where the file says period = 1.0.", markup=False)
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
+
+
+def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[str], name: str, json: bool) -> None:
+    """The study of a DC motor."""
+    from plantfit.cli.commands.before.motor_study import motor_study
+
+    period = found.period or 1.0
+    made = motor_study(
+        source.name, os.path.relpath(source, target.parent), target.name, name, _clock(found), found.columns, wanted, period,
+        period * max(found.rows - 1, 1),
+    )  # fmt: skip
+    _checked(made.text, target)
+    target.write_text(made.text, encoding="utf-8")
+    if json:
+        columns = {signal: c.header for signal, c in made.columns.items()}
+        return print_json({"file": str(target), "model": "dc_motor", "columns": columns, "period": found.period, "rows": found.rows})
+    for signal, column in made.columns.items():
+        out.print(f"{signal}: column {column.header!r}", markup=False)
+    for line in made.told:
+        out.print(line, markup=False)
+    out.print(f"Written: {target}\nNext: plantfit check {target}", markup=False)
+
+
+def _clock(found: "Description") -> str:
+    """The line of the time in a study file."""
+    if found.time is not None:
+        return f"time = {quoted(found.time)}"
+    return f"period = {found.period or 1.0:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
 
 
 _NO_TIME = " # seconds between rows: no time column was found, put yours"

@@ -1,0 +1,198 @@
+"""The table [regression] of a study file: columns of measured, differentiated signals, what they explain, and instruments for them."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import PlantfitError, SpecError
+from plantfit.estimate.inverse_dynamics import InverseDynamics
+from plantfit.models import equations
+from plantfit.models.library.regression import LinearModel
+from plantfit.models.model import Model
+from plantfit.models.parts.as_regression import as_regression
+from plantfit.models.text.suggest import suggest
+from plantfit.problem import Experiment
+from plantfit.problem.measure.experiment import in_units
+from plantfit.recording.record import Recording
+from plantfit.spec.tables import RegressionTable, SpecTable
+from plantfit.units import per_second
+
+MOST_POWER = 0.999  # of the instruments below the frequency that is told
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A regression as a problem takes it: the `model` of its columns, the `experiments` with these, and `instruments` by recording.
+
+    `band` (Hz) is that of the parallel filter, `power_below` (Hz) holds 99.9 % of the power of the instruments.
+    """
+
+    model: LinearModel
+    experiments: Mapping[str, Experiment]
+    instruments: Mapping[str, Recording] | None
+    band: float
+    power_below: float | None
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """For a target that never moves, as the torque of a free joint, the spread of the others."""
+        spread = {o: max(float(np.nanstd(e.recording[o])) for e in self.experiments.values()) for o in self.model.outputs}
+        largest = max(spread.values())
+        return {o: largest for o, s in spread.items() if largest > 0 and s <= 1e-9 * largest}
+
+    @property
+    def sentences(self) -> list[dict[str, str]]:
+        """What is to be said of the band and the instruments, as looks at data are."""
+        if self.power_below is None:
+            return []
+        told = f"99.9 % of the power of the instruments lies below {self.power_below:.3g} Hz; the band ends at {self.band:g} Hz"
+        if self.power_below > self.band:
+            return [{"level": "warning", "sentence": f"{told} and cuts the motion.", "write": f"band = {2 * self.power_below:.2g}"}]
+        return [{"level": "info", "sentence": f"{told}.", "write": ""}]
+
+
+def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[str, Experiment], path: Path) -> Prepared:
+    """Columns, targets and instruments of every recording. Raises SpecError with the key that does not fit."""
+    r = table.regression
+    assert r is not None
+    where = f"{path.name}, [regression]"
+    if table.model.filter_alike is not None:
+        raise SpecError(f"{where}: band filters columns and targets alike already; leave filter_alike out of [model].")
+    with _naming(where):
+        linear = model if isinstance(model, LinearModel) else as_regression(model)
+    if table.uncertainty:
+        raise SpecError(f"{where}: errors of instruments are not carried through a regression; leave [uncertainty] out.")
+    _check(r, linear, experiments, where)
+    inverse = InverseDynamics(
+        linear, {a: (pair[0], pair[1]) for a, pair in r.derivatives.items()}, _targets(r, linear, experiments, where), tuple(r.held),
+        r.smoothing, r.band,
+    )  # fmt: skip
+    columns: LinearModel | None = None
+    made, moved = {}, {}
+    for name, e in experiments.items():
+        with _naming(where):
+            columns, thin = inverse.columns(e.recording)
+            made[name] = replace(e, recording=thin)
+            if r.method == "instrumental variables":
+                moved[name] = inverse.columns(inverse.followed(e.recording, r.reference))[1]
+    assert columns is not None
+    power = _power_below(columns, moved) if moved else None
+    return Prepared(columns, made, moved or None, r.band, power)
+
+
+@contextmanager
+def _naming(where: str) -> Iterator[None]:
+    """Errors from within begin with the table of the study file."""
+    try:
+        yield
+    except PlantfitError as error:
+        error.args = (f"{where}: {error}",)
+        raise
+
+
+def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Experiment], where: str) -> None:
+    made = {n for pair in r.derivatives.values() for n in pair}
+    if r.method == "instrumental variables" and not r.reference:
+        raise SpecError(
+            f'{where}: instrumental variables need reference = {{ SIGNAL = "SIGNAL_ref" }}, the recorded motion that the controller was to '
+            "follow; where none was recorded, instruments of a simulated loop are made in Python (docs/regression.md), or give "
+            'method = "least squares".'
+        )
+    if r.method == "least squares" and r.reference:
+        raise SpecError(f"{where}: reference makes instruments, and method is least squares; leave one of them out.")
+    names = [*r.derivatives, *(n for pair in r.derivatives.values() for n in pair)]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise SpecError(f"{where}: derivatives names {twice!r} twice; a signal and its two derivatives need names of their own.")
+    for name, e in experiments.items():
+        known = list(e.recording.signals)
+        for key, wanted in (("derivatives", list(r.derivatives)), ("held", r.held), ("reference", list(r.reference.values()))):
+            for signal in wanted:
+                if signal not in known:
+                    raise SpecError(
+                        f"{where}: {key} names {signal!r}, which recording {name!r} does not have.{suggest(signal, known)} It has "
+                        f"{', '.join(known)}."
+                    )
+    for signal, reference in r.reference.items():
+        if signal not in r.derivatives:
+            raise SpecError(f"{where}: reference gives {signal!r}, which derivatives does not name; it names {', '.join(r.derivatives)}.")
+        if reference in r.derivatives or reference in made:
+            raise SpecError(
+                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal, whose errors are those of the columns; name "
+                "the motion that the controller was to follow."
+            )
+        for name, e in experiments.items():
+            if np.array_equal(e.recording[signal], e.recording[reference], equal_nan=True):
+                raise SpecError(
+                    f"{where}: in recording {name!r} {reference!r} is {signal!r} sample by sample, so that it has the same errors and is "
+                    "no instrument; record the motion that the controller was to follow."
+                )
+    lacking = [a for a in r.derivatives if a not in r.reference]
+    if r.reference and lacking:
+        raise SpecError(f"{where}: reference gives nothing for {lacking[0]!r}; give one for each of {', '.join(r.derivatives)}.")
+    unknown = [o for o in r.targets if o not in model.outputs]
+    if unknown:
+        raise SpecError(f"{where}: targets gives {unknown[0]!r}, which is no output of {model.name!r}; it has {', '.join(model.outputs)}.")
+    read = next((n for n in model.signals if n not in made and any(n not in e.recording.signals for e in experiments.values())), None)
+    if read is not None:
+        raise SpecError(
+            f"{where}: the model reads {read!r}, which is neither recorded nor a derivative; add it to derivatives, as in "
+            f'derivatives = {{ angle = ["rate", "{read}"] }}.'
+        )
+
+
+def _targets(
+    r: RegressionTable, model: LinearModel, experiments: Mapping[str, Experiment], where: str
+) -> Callable[[Recording], Mapping[str, Any]]:
+    """What the columns explain, of smoothed signals; outputs without a formula are recorded signals."""
+    recorded = [o for o in model.outputs if o not in r.targets]
+    for name, e in experiments.items():
+        for o in recorded:
+            if o not in e.recording.signals:
+                raise SpecError(
+                    f"{where}: {o!r} is what the columns explain, and recording {name!r} does not have it; name its column under signals, "
+                    f'or give a formula, as in targets = {{ {o} = "kt*i" }}.'
+                )
+    if not r.targets:
+        return lambda s: {o: s[o] for o in recorded}
+    first = next(iter(experiments.values())).recording
+    known: dict[str, str | None] = {n: s.unit for n, s in first.signals.items()}
+    for angle, (rate, acceleration) in ((a, (p[0], p[1])) for a, p in r.derivatives.items()):
+        unit = known.get(angle)
+        known[rate] = None if unit is None else per_second(unit)
+        known[acceleration] = None if unit is None else per_second(per_second(unit))
+    words = set(re.findall(r"[A-Za-z_]\w*", " ".join(str(v) for v in r.targets.values())))
+    inputs = {n: u for n, u in known.items() if n in words and n not in r.targets}
+    text = "\n".join(f"{o} = {formula}" for o, formula in r.targets.items())
+    outputs = {o: model.outputs[o] for o in r.targets}
+    with _naming(f"{where} targets"):
+        made = equations(text, inputs=inputs, outputs=outputs, constants=r.constants, name="targets")
+
+    def of(s: Recording) -> Mapping[str, Any]:
+        s = in_units(s, inputs)
+        shape = s.t.shape
+        found = made.output({}, {n: s[n] for n in inputs}, {})
+        return {o: np.broadcast_to(np.asarray(found[o], dtype=float), shape) for o in outputs} | {o: s[o] for o in recorded}
+
+    return of
+
+
+def _power_below(model: LinearModel, instruments: Mapping[str, Recording]) -> float:
+    """The frequency (Hz) below which 99.9 % of the power of the instruments lies, the column with the fastest motion."""
+    found = 0.0
+    for recording in instruments.values():
+        step = float(np.median(np.diff(recording.t)))
+        for name in model.signals:
+            values = recording[name] - np.mean(recording[name])
+            power = np.abs(np.fft.rfft(values * np.hanning(len(values)))) ** 2
+            if power.sum() <= 1e-12 * len(values) * max(float(np.sum(recording[name] ** 2)), 1e-300):
+                continue
+            place = int(np.searchsorted(np.cumsum(power) / power.sum(), MOST_POWER))
+            found = max(found, float(np.fft.rfftfreq(len(values), step)[place]))
+    return found
