@@ -30,10 +30,10 @@ docs: $(DEV)  ## Build the site of the docs into site/, every link checked; SERV
 fuzz: $(DEV)  ## Broken inputs to every reader for MINUTES=5; SEED=1 repeats
 	$(BIN)/python tests/fuzz/fuzz.py --minutes $(or $(MINUTES),5) $(if $(SEED),--seed $(SEED))
 
-test-versions: $(DEV)  ## The suite on the lowest and the newest versions of all dependencies; TESTS="tests/native ..." runs a part
+test-versions: $(DEV)  ## The suite on the lowest and the newest versions of all dependencies (newest of all with PYTHON=python3.13); TESTS="tests/native ..." runs a part
 	$(BIN)/python tools/lowest.py > $(VENV)/lowest.txt
 	for kind in lowest newest; do \
-	  $(PYTHON) -m venv $(VENV)-$$kind && \
+	  $(PYTHON) -m venv --clear $(VENV)-$$kind && \
 	  PIP_DISABLE_PIP_VERSION_CHECK=1 $(VENV)-$$kind/bin/python -m pip install --quiet --editable '.[dev]' \
 	    $$(test $$kind = newest && echo --upgrade || echo --constraint $(VENV)/lowest.txt) && \
 	  $(VENV)-$$kind/bin/python -m pytest -m "not slow" -n $(WORKERS) --dist worksteal $(TESTS) || exit 1; \

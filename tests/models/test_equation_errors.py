@@ -95,7 +95,7 @@ HOSTILE = [
     ("y = " + "-" * 50_000 + "x", 4),
     ("y = " + "not " * 10_000 + "x", 4),
     ("y = " + "2**" * 10_000 + "x", 4),
-    ("y = " + "x if u else " * 5000 + "1", 4),
+    ("y = " + "x if u else " * 5000 + "1", (4, 4 + 150 * 12)),  # Python 3.13 reads it, and it is too deep; 3.12 gives up
     ("y = " + "+".join(["x"] * 20_000), 4),
     ("y = x" + " " * 100_001, 0),
 ]
@@ -106,7 +106,7 @@ def test_hostile_text_is_refused_at_once(text, column):
     begin = time.perf_counter()
     with pytest.raises(EquationError) as caught:
         build(text)
-    assert caught.value.column == column
+    assert caught.value.column in (column if isinstance(column, tuple) else (column,))
     assert time.perf_counter() - begin < 2.0
 
 

@@ -1,6 +1,6 @@
 """The real jaxlib 0.8.0, which serves another interface than native loops are written for: scans, one sentence, and never a crash.
 
-0.8.0 and older ended in a segmentation fault at the first native loop. `jax>=0.10` keeps pip from installing them; whoever has one
+0.8.0 and older ended in a segmentation fault at the first native loop. `jax>=0.10.2` keeps pip from installing them; whoever has one
 all the same gets an answer.
 """
 

@@ -32,17 +32,19 @@ def mark(store):
 def kill_after_new_checkpoint(store):
     """Start the child, wait until it has saved something new in the middle of a task, kill it."""
     before = mark(store)
-    child = subprocess.Popen([sys.executable, str(CHILD), store.name], stderr=subprocess.PIPE, text=True)
+    said = Path(store.name).with_suffix(".stderr")  # a pipe that nobody reads would stop the child once it is full
+    with said.open("w") as stderr:
+        child = subprocess.Popen([sys.executable, str(CHILD), store.name], stderr=stderr)
     try:
         limit = time.monotonic() + PATIENCE
         while mark(store) == before or not mark(store)[1]:
             if child.poll() is not None:
-                pytest.fail(f"the child ended by itself: {child.communicate()[1]}")
-            assert time.monotonic() < limit, "the child saved no checkpoint"
+                pytest.fail(f"the child ended by itself: {said.read_text()}")
+            assert time.monotonic() < limit, f"the child saved no checkpoint: {said.read_text()}"
             time.sleep(0.01)
     finally:
         child.kill()
-        child.communicate()
+        child.wait()
     return child.returncode
 
 

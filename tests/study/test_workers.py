@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from test_study_runner import bits
@@ -108,6 +109,7 @@ class Killer:
         self.store, self.study_id, self.workers = store, study_id, workers
         self.random = random.Random(seed)
         self.parent, self.kills, self.kinds = None, 0, set()
+        self.said = Path(store.name).with_suffix(".stderr")  # a pipe that nobody reads would stop the parent once it is full
 
     def mark(self):
         whole = self.store.whole(self.study_id)
@@ -125,15 +127,16 @@ class Killer:
         """Wait for something new in the store, then kill -9; False once the study is done."""
         if self.parent is None or self.parent.poll() is not None:
             words = [sys.executable, os.path.join(os.path.dirname(__file__), "worked_study.py"), self.store.name]
-            self.parent = subprocess.Popen([*words, str(self.study_id), str(self.workers)], stderr=subprocess.PIPE, text=True)
+            with self.said.open("w") as stderr:
+                self.parent = subprocess.Popen([*words, str(self.study_id), str(self.workers)], stderr=stderr)
         before, kind = self.mark(), self.wanted()
         limit = time.monotonic() + PATIENCE
         while self.mark() == before or not (self.helpers() if kind == "helper" else pids(self.store, self.study_id)):
             if self.store.study(self.study_id).state == "done":
                 return False
             if self.parent.poll() is not None:
-                pytest.fail(f"the parent ended by itself: {self.parent.communicate()[1]}")
-            assert time.monotonic() < limit, "nothing new came into the store"
+                pytest.fail(f"the parent ended by itself: {self.said.read_text()}")
+            assert time.monotonic() < limit, f"nothing new came into the store: {self.said.read_text()}"
             time.sleep(0.02)
         time.sleep(self.random.random() * 0.1)
         helpers = self.helpers()
@@ -141,7 +144,7 @@ class Killer:
             os.kill(self.random.choice(helpers), signal.SIGKILL)
         elif kind == "parent":
             self.parent.kill()
-            self.parent.communicate()
+            self.parent.wait()
             until(lambda: not any(map(alive, helpers)), "helpers outlived their parent")
         else:
             return True  # the helper let go while we slept: try again
@@ -152,7 +155,7 @@ class Killer:
     def end(self):
         if self.parent is not None and self.parent.poll() is None:
             self.parent.kill()
-            self.parent.communicate()
+            self.parent.wait()
 
 
 def alive(pid):

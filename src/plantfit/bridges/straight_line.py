@@ -15,6 +15,7 @@ from jax.extend import core
 
 COMMON = {
     "add": "{0} + {1}", "sub": "{0} - {1}", "mul": "{0}*{1}", "div": "{0}/{1}", "neg": "-{0}", "add_any": "{0} + {1}", "square": "{0}*{0}",
+    "one_minus_square": "(1.0 + {0})*(1.0 - {0})",
     "copy": "{0}", "copy_p": "{0}", "stop_gradient": "{0}", "convert_element_type": "{0}", "lt": "{0} < {1}", "le": "{0} <= {1}",
     "gt": "{0} > {1}", "ge": "{0} >= {1}", "eq": "{0} == {1}", "ne": "{0} != {1}", "broadcast_in_dim": "{0}",
     "reshape": "{0}", "squeeze": "{0}",
@@ -33,20 +34,20 @@ PYTHON = COMMON | {n: f"np.{n}({{0}})" for n in _NAMED} | {n: f"np.{v}({{0}})" f
     "atan2": "np.arctan2({0}, {1})", "abs": "abs({0})", "sign": "np.sign({0})", "pow": "{0}**{1}", "integer_pow": "{0}**{y}",
     "max": "max({0}, {1})", "min": "min({0}, {1})", "select_n": "({2} if {0} else {1})", "and": "({0} and {1})", "or": "({0} or {1})",
     "not": "(not {0})", "logistic": "1/(1 + np.exp(-{0}))", "floor": "np.floor({0})", "ceil": "np.ceil({0})", "cbrt": "np.cbrt({0})",
-    "rsqrt": "1/np.sqrt({0})", "exp2": "2.0**{0}",
+    "rsqrt": "1/np.sqrt({0})", "exp2": "2.0**{0}", "log2": "np.log2({0})",
 }  # fmt: skip
 C = COMMON | {n: f"{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
     "atan2": "atan2({0}, {1})", "abs": "fabs({0})", "sign": "(double)(({0} > 0.0) - ({0} < 0.0))", "pow": "pow({0}, {1})",
     "integer_pow": "pow({0}, {y})", "max": "fmax({0}, {1})", "min": "fmin({0}, {1})", "select_n": "({0} ? {2} : {1})",
     "and": "({0} && {1})",
     "or": "({0} || {1})", "not": "(!{0})", "logistic": "1.0/(1.0 + exp(-{0}))", "floor": "floor({0})", "ceil": "ceil({0})",
-    "cbrt": "cbrt({0})", "rsqrt": "1.0/sqrt({0})", "exp2": "exp2({0})",
+    "cbrt": "cbrt({0})", "rsqrt": "1.0/sqrt({0})", "exp2": "exp2({0})", "log2": "log2({0})",
 }  # fmt: skip
 CASADI = COMMON | {n: f"ca.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
     "atan2": "ca.atan2({0}, {1})", "abs": "ca.fabs({0})", "sign": "ca.sign({0})", "pow": "{0}**{1}", "integer_pow": "{0}**{y}",
     "max": "ca.fmax({0}, {1})", "min": "ca.fmin({0}, {1})", "select_n": "ca.if_else({0}, {2}, {1})", "and": "ca.logic_and({0}, {1})",
     "or": "ca.logic_or({0}, {1})", "not": "ca.logic_not({0})", "logistic": "1/(1 + ca.exp(-{0}))", "floor": "ca.floor({0})",
-    "ceil": "ca.ceil({0})", "rsqrt": "1/ca.sqrt({0})", "exp2": "2.0**{0}",
+    "ceil": "ca.ceil({0})", "rsqrt": "1/ca.sqrt({0})", "exp2": "2.0**{0}", "log2": "ca.log({0})/ca.log(2.0)",
 }  # fmt: skip
 LANGUAGES = {"python": PYTHON, "c": C, "casadi": CASADI}
 

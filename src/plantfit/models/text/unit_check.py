@@ -53,7 +53,8 @@ def same(a: Unit, b: Unit, *, shifted: bool = False) -> bool:
 
 def shown(unit: Unit) -> str:
     """A unit as people write it."""
-    return f"{unit:~P}" or "no unit"
+    # the sign of a product differs between versions of pint
+    return f"{unit:~P}".replace("\N{DOT OPERATOR}", "\N{MIDDLE DOT}") or "no unit"
 
 
 class UnitChecker:

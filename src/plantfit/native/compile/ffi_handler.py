@@ -1,7 +1,7 @@
 """The function that XLA calls, by its C interface for foreign functions (xla/ffi/api/c_api.h)."""
 
 # The version of the interface that the offsets below were written for: XLA refuses a handler of one that it does not serve.
-# jaxlib 0.8.1 to 0.9 have 0.2, jaxlib 0.10 has 0.3 and serves 0.2 too.
+# jaxlib 0.8.1 to 0.9 have 0.2, jaxlib 0.10 has 0.3, jaxlib 0.12 has 0.5, and both serve 0.2 too.
 VERSION = (0, 2)
 # sizeof, as c_api.h counts them, of XLA_FFI_CallFrame, _Args, _Rets and _Buffer
 SIZES = (168, 40, 40, 48)

@@ -10,6 +10,7 @@ from plantfit.native.graph.arithmetic import Arithmetic
 from plantfit.native.graph.nodes import BOOL, F64, I32, I64, Graph, Node, Region
 from plantfit.native.graph.values import Memory, Sparse, Value, array_of, constant, dtype_of, entries, in_memory, load, store, whole
 from plantfit.native.trace.array_rules import ARRAY_RULES
+from plantfit.native.trace.equation_parts import expanded, scan_parts, while_parts
 from plantfit.native.trace.scalar_rules import scalar_operation
 from plantfit.native.unsupported import NativeUnsupported
 
@@ -70,13 +71,15 @@ class Tracer:
         if name in _INLINE:
             inner = params[_INLINE[name]]
             return self._inlined(inner, args) if isinstance(inner, ClosedJaxpr) else self.run(inner, (), args)
+        if (plain := expanded(equation)) is not None:
+            return self._inlined(plain, args)
         if name in _COPIES:
             return args
         if name in ("add", "add_any") and any(isinstance(a, Sparse) for a in args) and args[0].shape == args[1].shape:
             return [self._sum(*args)]
         args = self.dense(args)
         if name in ("scan", "while", "cond"):
-            return getattr(self, f"_{name}")(args, **params)
+            return getattr(self, f"_{name}")(equation, args, **params)
         if len(equation.outvars) != 1:
             raise NativeUnsupported(name)
         shapes = [v.aval.shape for v in equation.outvars]
@@ -131,9 +134,9 @@ class Tracer:
 
         return [Memory(get(), v.shape) if v.shape and moving else array_of(v.shape, lambda _: get()) for v in values]
 
-    def _while(self, args: list[Value], *, cond_jaxpr: Any, body_jaxpr: Any, cond_nconsts: int, body_nconsts: int, **_: Any) -> list[Value]:
-        test_consts, body_consts = args[:cond_nconsts], args[cond_nconsts : cond_nconsts + body_nconsts]
-        init = args[cond_nconsts + body_nconsts :]
+    def _while(self, equation: Any, args: list[Value], *, cond_jaxpr: Any, body_jaxpr: Any, **_: Any) -> list[Value]:
+        of_test, of_body = while_parts(equation)
+        test_consts, body_consts, init = args[:of_test], args[of_test : of_test + of_body], args[of_test + of_body :]
         moving = moves(body_jaxpr.jaxpr) or moves(cond_jaxpr.jaxpr) or _large(init)
         if moving:
             init = [whole(self.m, v) if v.shape else v for v in init]
@@ -147,9 +150,8 @@ class Tracer:
         node = self.graph.make("while", tuple(begin), F64, (test, region))
         return self._results(node, init, moving, region.params)
 
-    def _scan(
-        self, args: list[Value], *, jaxpr: ClosedJaxpr, length: int, reverse: bool, num_consts: int, num_carry: int, **_: Any
-    ) -> list[Value]:
+    def _scan(self, equation: Any, args: list[Value], *, jaxpr: ClosedJaxpr, length: int, reverse: bool, **_: Any) -> list[Value]:
+        num_consts, num_carry = scan_parts(equation)
         consts, init, xs = args[:num_consts], args[num_consts : num_consts + num_carry], args[num_consts + num_carry :]
         rows = [v.aval for v in jaxpr.jaxpr.outvars[num_carry:]]
         if length == 0:
@@ -192,7 +194,7 @@ class Tracer:
             memory = store(self.m, memory, place, node, allowed)
         return memory
 
-    def _cond(self, args: list[Value], *, branches: Sequence[ClosedJaxpr], **_: Any) -> list[Value]:
+    def _cond(self, equation: Any, args: list[Value], *, branches: Sequence[ClosedJaxpr], **_: Any) -> list[Value]:
         index, operands = args[0].item(), args[1:]  # type: ignore[union-attr]
         if index.op == "const":
             return self.closed(branches[max(0, min(len(branches) - 1, int(index.data)))], operands)
@@ -216,7 +218,7 @@ def moves(jaxpr: Any) -> bool:
     jaxpr = getattr(jaxpr, "jaxpr", jaxpr)
     if any(equation.primitive.name in _MOVES for equation in jaxpr.eqns):
         return True
-    given = [p for equation in jaxpr.eqns for p in equation.params.values()]
+    given = [p for equation in jaxpr.eqns for p in (*equation.params.values(), expanded(equation))]
     inner = [one for p in given for one in (p if isinstance(p, tuple | list) else (p,))]
     return any(moves(one) for one in inner if hasattr(one, "eqns") or hasattr(one, "jaxpr"))
 

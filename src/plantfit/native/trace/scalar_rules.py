@@ -13,7 +13,7 @@ from plantfit.native.unsupported import NativeUnsupported
 
 _LIBM = {
     "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "cbrt", "erf", "erfc", "lgamma", "pow", "nextafter",
-    "exp2",
+    "exp2", "log2",
 }  # fmt: skip
 _OWN = {
     "exp": transcendentals.exp,
@@ -56,6 +56,14 @@ def _select_n(m: Arithmetic, which: Node, first: Node, *others: Node, **_: Any) 
 
 def _clamp(m: Arithmetic, low: Node, x: Node, high: Node, **_: Any) -> Node:
     return m.minimum(high, m.maximum(low, x))
+
+
+def _polynomial(m: Arithmetic, x: Node, *coefficients: Node, **_: Any) -> Node:
+    """Of coefficients from the lowest power on, by Horner's rule."""
+    value = coefficients[-1]
+    for c in reversed(coefficients[:-1]):
+        value = m.add(m.mul(value, x), c)
+    return value
 
 
 def _round(m: Arithmetic, a: Node, *, rounding_method: Any, **_: Any) -> Node:
@@ -101,6 +109,8 @@ SCALAR_RULES: dict[str, Callable] = {
     "min": lambda m, a, b, **_: m.minimum(a, b),
     "integer_pow": lambda m, a, *, y, **_: m.power(a, y),
     "square": lambda m, a, **_: m.mul(a, a),
+    "one_minus_square": lambda m, a, **_: m.mul(m.add(m.number(1.0), a), m.sub(m.number(1.0), a)),
+    "polynomial": _polynomial,
     "sqrt": lambda m, a, **_: m.op("sqrt", a),
     "rsqrt": lambda m, a, **_: m.op("div", m.number(1.0), m.op("sqrt", a)),
     "clamp": _clamp,

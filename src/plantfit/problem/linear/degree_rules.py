@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.trace.equation_parts import expanded, scan_parts, while_parts
 from plantfit.problem.linear.degree import CONSTANT, Degree, added, bent, chosen, multiplied, summed
 
 import jax
@@ -60,8 +61,10 @@ def _applied(equation: Any, given: list[Value]) -> list[Value]:
         inner = next((equation.params[k] for k in ("jaxpr", "call_jaxpr", "fun_jaxpr") if k in equation.params), None)
         if inner is not None and len(_open(inner)[0].invars) == len(given):
             return _run(*_open(inner), given)
+    elif (plain := expanded(equation)) is not None:
+        return _run(plain.jaxpr, plain.consts, given)
     elif name in CONTROL:
-        return CONTROL[name](equation.params, given)
+        return CONTROL[name](equation, given)
     elif _all_known(given) and name in ARITHMETIC:
         return [np.asarray(ARITHMETIC[name](equation.params, *given))]
     elif name in MOVES:
@@ -144,6 +147,14 @@ def _power(equation: Any, given: list[Value]) -> Value:
     return CONSTANT if n == 0 else _entrywise(bent)(equation, given)
 
 
+def _polynomial(x: Degree, *coefficients: Degree) -> Degree:
+    """Of coefficients from the lowest power on, by Horner's rule."""
+    value = coefficients[-1]
+    for c in reversed(coefficients[:-1]):
+        value = added(multiplied(value, x), c)
+    return value
+
+
 def _dot(equation: Any, given: list[Value]) -> Value:
     return multiplied(*map(of, given))
 
@@ -170,6 +181,7 @@ RULES: dict[str, Callable[[Any, list[Value]], Value]] = {
     "dot_general": _dot,
     **dict.fromkeys(("scatter", "scatter-add", "scatter_add"), _scatter),
     "dynamic_update_slice": _update_slice,
+    "polynomial": _entrywise(_polynomial),
     "iota": lambda equation, given: CONSTANT,
 }
 APART = ("optimization_barrier",)  # every result is the operand at its place
@@ -265,19 +277,19 @@ def _settled(step: Callable[[list[Degree]], list[Degree]], begin: list[Degree]) 
         carried = after
 
 
-def _scan(params: Any, given: list[Value]) -> list[Value]:
-    consts, carry = params["num_consts"], params["num_carry"]
-    body, fixed = _open(params["jaxpr"]), given[:consts]
+def _scan(equation: Any, given: list[Value]) -> list[Value]:
+    consts, carry = scan_parts(equation)
+    body, fixed = _open(equation.params["jaxpr"]), given[:consts]
     rows = [of(v) for v in given[consts + carry :]]
     # a constant that is known stays known, but rows of it are not one number
     carried = _settled(lambda c: list(map(of, _run(*body, [*fixed, *c, *rows])))[:carry], list(map(of, given[consts : consts + carry])))
     return [*carried, *map(of, _run(*body, [*fixed, *carried, *rows])[carry:])]
 
 
-def _while(params: Any, given: list[Value]) -> list[Value]:
-    of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
-    first, fixed, begin = given[:of_condition], given[of_condition : of_condition + of_body], given[of_condition + of_body :]
-    body, condition = _open(params["body_jaxpr"]), _open(params["cond_jaxpr"])
+def _while(equation: Any, given: list[Value]) -> list[Value]:
+    of_test, of_body = while_parts(equation)
+    first, fixed, begin = given[:of_test], given[of_test : of_test + of_body], given[of_test + of_body :]
+    body, condition = _open(equation.params["body_jaxpr"]), _open(equation.params["cond_jaxpr"])
 
     def step(carried: list[Degree]) -> list[Degree]:
         going_on = of(_run(*condition, [*first, *carried])[0])
@@ -286,8 +298,8 @@ def _while(params: Any, given: list[Value]) -> list[Value]:
     return _settled(step, list(map(of, begin)))
 
 
-def _cond(params: Any, given: list[Value]) -> list[Value]:
-    found = [_run(*_open(b), given[1:]) for b in params["branches"]]
+def _cond(equation: Any, given: list[Value]) -> list[Value]:
+    found = [_run(*_open(b), given[1:]) for b in equation.params["branches"]]
     return [chosen(of(given[0]), map(of, results)) for results in zip(*found, strict=True)]
 
 
