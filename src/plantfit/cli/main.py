@@ -15,9 +15,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from plantfit.cli.commands import sensitivity
 from plantfit.cli.commands.at_bench import bench
 from plantfit.cli.commands.design import export_plant, next_experiment, tune_controller
+from plantfit.cli.commands.judging import sensitivity
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
@@ -135,7 +135,7 @@ def check(
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
-    from plantfit.cli.commands import check as command
+    from plantfit.cli.commands.judging import check as command
 
     command.check(spec, verify, json, at or [], tolerance, holds, identify)
 
@@ -177,7 +177,7 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
-    from plantfit.cli.commands import diagnose as command
+    from plantfit.cli.commands.judging import diagnose as command
 
     command.diagnose(spec, out, try_ or [], force, json)
 
