@@ -4,11 +4,12 @@ import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from plantfit.errors import SpecError
+from plantfit.simulate.steps.registry import STEPPERS
 
 
 class _Table(BaseModel):
@@ -44,6 +45,10 @@ def _by_name(value: Any) -> Any:
 Pair = tuple[float, float]
 Numbers = Annotated[Any, BeforeValidator(_numbers)]  # one number for all nodes of a table, or one for each
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
+if TYPE_CHECKING:
+    StepperName = str
+else:
+    StepperName = Literal[tuple(STEPPERS)]
 
 
 class RecordingTable(_Table):
@@ -116,7 +121,7 @@ class ParameterTable(_Table):
 
 
 class SimulationTable(_Table):
-    stepper: Literal["exponential", "rosenbrock", "rk4", "exact", "adaptive"] = "exponential"
+    stepper: StepperName = "exponential"
     substeps: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
 
 
