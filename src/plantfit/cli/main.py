@@ -21,6 +21,7 @@ from plantfit.cli.commands.judging import sensitivity
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
+from plantfit.study.store.addresses import STORE, VARIABLE
 
 
 class _Commands(TyperGroup):
@@ -45,7 +46,7 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")]
-StorePlace = Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database: a file, or a SQLAlchemy URL.")]
+StorePlace = Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database: a file, or a SQLAlchemy URL.")]
 StudyId = Annotated[int | None, typer.Argument(help="Number of the study in `plantfit list`; the newest if left out.")]
 ReportPlace = Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML report goes; NAME.html if left out.")]
 Workers = Annotated[
@@ -58,7 +59,6 @@ Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="A dask scheduler as in tcp://host:8786 does the work, or local for one on this machine.")
 ]
 NoDiagnose = Annotated[bool, typer.Option("--no-diagnose", help="Do not look for what is missing in the model.")]
-STORE = "plantfit.db"
 
 
 @app.command()

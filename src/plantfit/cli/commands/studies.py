@@ -1,6 +1,5 @@
 """`plantfit run`, `resume`, `list` and `report`."""
 
-import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
-from plantfit.study.store.addresses import shown
+from plantfit.study.store.addresses import shown, store_option
 
 
 def run(
@@ -142,7 +141,7 @@ def _work(
 
 
 def _saved(records, store: str) -> str:
-    where = "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"
+    where = store_option(store)
     each = [f"study {r.id} ({r.name}) is saved with {r.runs_done} of {r.runs_total} runs done" for r in records]
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
