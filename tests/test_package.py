@@ -101,9 +101,9 @@ def test_the_range_of_pythons_is_said_alike():
 
 def test_the_core_imports_no_extra():
     """Whatever an extra brings, and what SALib brings, stays out of the import of every room."""
-    rooms = ["recording", "problem", "study", "spec", "trust", "report", "control", "rig", "fitting"]
+    rooms = ["recording", "problem", "study", "spec", "trust", "report", "control", "rig", "fitting", "intervals_compared"]
     rooms += ["cli.main", "cli.commands.judging.sensitivity"]
-    heavy = ["SALib", "pandas", "matplotlib", "distributed", "fastexcel", "psycopg", "serial", "control", "osqp"]
+    heavy = ["SALib", "pandas", "matplotlib", "distributed", "fastexcel", "psycopg", "serial", "control", "osqp", "blackjax", "optax"]
     loaded = f"print([n for n in {heavy} if n in sys.modules])"
     code = (
         f"import sys, importlib\nfor room in {rooms}:\n    module = importlib.import_module('plantfit.' + room)\n"
@@ -114,7 +114,8 @@ def test_the_core_imports_no_extra():
 
 
 def test_extras_that_no_other_test_takes_away_explain_themselves(tmp_path, monkeypatch):
-    """`postgres`, `cluster`, `board` and `trust` are taken away in test_postgres, test_cluster, test_cli_record, test_cli_sensitivity."""
+    """`postgres`, `cluster`, `board`, `trust` and `posterior` are taken away in test_postgres, test_cluster, test_cli_record,
+    test_cli_sensitivity and test_cli_intervals."""
     from plantfit.bridges import python_control
     from plantfit.recording import read
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from plantfit.estimators import Estimators, estimate_parameters
     from plantfit.experiment_design import ExperimentDesign, design
     from plantfit.fitting import fit
+    from plantfit.intervals_compared import IntervalsCompared, compare_intervals
     from plantfit.models import equations
     from plantfit.models.model import Declared, Delay, Model
     from plantfit.optimize import Checkpoint, Objective, Progress, RunResult, minimise
@@ -50,6 +51,7 @@ _PLACES = {
     "Problem": "plantfit.problem",
     "Progress": "plantfit.optimize",
     "Recording": "plantfit.recording",
+    "IntervalsCompared": "plantfit.intervals_compared",
     "RecordsCompared": "plantfit.records_compared",
     "Regressed": "plantfit.regression",
     "RunResult": "plantfit.optimize",
@@ -59,6 +61,7 @@ _PLACES = {
     "Store": "plantfit.study",
     "Tracker": "plantfit.tracking",
     "compare_models": "plantfit.which_model",
+    "compare_intervals": "plantfit.intervals_compared",
     "compare_records": "plantfit.records_compared",
     "design": "plantfit.experiment_design",
     "equations": "plantfit.models",
@@ -90,6 +93,7 @@ __all__ = [
     "Estimators",
     "Experiment",
     "ExperimentDesign",
+    "IntervalsCompared",
     "Model",
     "ModelsCompared",
     "Objective",
@@ -107,6 +111,7 @@ __all__ = [
     "Status",
     "Store",
     "Tracker",
+    "compare_intervals",
     "compare_models",
     "compare_records",
     "design",

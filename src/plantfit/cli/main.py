@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from plantfit.cli.commands.at_bench import bench
+from plantfit.cli.commands.comparing import intervals
 from plantfit.cli.commands.design import export_plant, next_experiment, tune_controller
 from plantfit.cli.commands.judging import sensitivity
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
@@ -399,6 +400,7 @@ app.command()(bench.track)
 app.command()(bench.rig)
 app.command()(sensitivity.sensitivity)
 app.command()(next_experiment.design)
+app.command()(intervals.intervals)
 app.command()(tune_controller.tune)
 app.command()(export_plant.export)
 

@@ -1,0 +1,120 @@
+"""Refits of records made of the answer's outputs and of blocks of its residuals, drawn anew."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import ndtr, ndtri
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.measure.long_run import first_correlation
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.linearised import EDGE, residual_blocks
+
+TIMES = 10  # correlation times of the residuals in a block
+SHARE = 0.25  # of a record that a block holds at most
+EVALUATIONS = 40  # of a refit
+SAME = 1e-6  # of the cost: least gain that a refit goes on for
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """`values` (n, d) of the refits in the parameters' units, samples in a `block` of each output, and how many refits were `lost`
+    because the plant could not be simulated on their way."""
+
+    values: np.ndarray
+    block: dict[str, int]
+    lost: int
+
+
+def bootstrap(
+    problem: Problem, z: np.ndarray, replicates: int, seed: int = 1, tell: Callable[[int, int], None] = lambda done, of: None
+) -> Bootstrap:
+    """`replicates` refits from the cube point z (d,).
+
+    Residuals are drawn in blocks that overlap and run round the end of a record, as long as ten times their correlation time
+    (Politis and Romano, in Exploring the Limits of Bootstrap, 1992, p. 263), and made larger by what the fit took from them. Each refit
+    begins at z and stays within the bounds. Initial values that are read from a record's first samples keep them.
+    """
+    data, space = problem.unsmoothed, problem.space
+    r, jacobian = residuals_and_jacobian(data, z)
+    rng = np.random.default_rng(seed)
+    lengths, series = _series(problem, r)
+    larger = np.sqrt(len(r) / max(len(r) - np.linalg.matrix_rank(jacobian), 1))
+    values, lost = [], 0
+    for k in range(replicates):
+        shift = np.zeros_like(r)
+        for output, rows in series:
+            shift[rows] = _drawn(r[rows] - r[rows].mean(), lengths[output], rng) * larger - r[rows]
+        found = _refitted(data, z, shift)
+        if found is None:
+            lost += 1
+        else:
+            values.append(np.asarray(space.physical(found)))
+        tell(k + 1, replicates)
+    return Bootstrap(np.array(values).reshape(-1, len(z)), lengths, lost)
+
+
+def percentiles(values: np.ndarray, at: float, level: float, bounds: tuple[float, float]) -> tuple[float, float]:
+    """(low, high) of refitted values (n,), corrected for the share of them below the answer's value (Efron, J. Am. Stat. Assoc. 82 (1987)
+    171, without acceleration); as they are where that value stands on a bound, beyond which no refit can be."""
+    n, near = len(values), EDGE * (bounds[1] - bounds[0])
+    if at <= bounds[0] + near or at >= bounds[1] - near:
+        low, high = np.quantile(values, [0.5 - level / 2, 0.5 + level / 2])
+        return float(low), float(high)
+    below = (np.sum(values < at) + 0.5 * np.sum(values == at)) / n
+    shift = float(ndtri(np.clip(below, 0.5 / n, 1 - 0.5 / n)))
+    tails = [float(ndtr(2 * shift + ndtri(q))) for q in (0.5 - level / 2, 0.5 + level / 2)]
+    low, high = np.quantile(values, tails)
+    return float(low), float(high)
+
+
+def _series(problem: Problem, r: np.ndarray) -> tuple[dict[str, int], list[tuple[str, np.ndarray]]]:
+    """Samples in a block of each output, and (output, rows) of each recording."""
+    blocks, series, memory = iter(residual_blocks(problem)), [], {}
+    for name in problem.data["drive"]:
+        for output in problem.outputs:
+            if len(problem.data["index"][name][output]):
+                rows = np.arange(len(r))[next(blocks).rows]
+                series.append((output, rows))
+                memory.setdefault(output, []).append(float(first_correlation(r[rows][:, None])[0]))
+    lengths = {}
+    for output, found in memory.items():
+        shortest = min(len(rows) for o, rows in series if o == output)
+        rho = float(np.clip(np.mean(found), 0.0, 0.999))
+        time = 1.0 if rho < 2.0 / np.sqrt(shortest) else -1.0 / np.log(rho)
+        lengths[output] = int(np.clip(np.ceil(TIMES * time) if time > 1.0 or rho > 0 else 1, 1, max(1, int(SHARE * shortest))))
+        if rho < 2.0 / np.sqrt(shortest):
+            lengths[output] = 1
+    return lengths, series
+
+
+def _drawn(series: np.ndarray, length: int, rng: np.random.Generator) -> np.ndarray:
+    """As many values (n,), in blocks that begin anywhere."""
+    n = len(series)
+    starts = rng.integers(0, n, size=-(-n // length))
+    return series[(starts[:, None] + np.arange(length)).ravel()[:n] % n]
+
+
+def _refitted(problem: Problem, z: np.ndarray, shift: np.ndarray) -> np.ndarray | None:
+    """The cube point (d,) nearest to data that lie `shift` (m,) away; None where the plant cannot be simulated."""
+    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if (key := x.tobytes()) not in last:
+            last.clear()
+            r, jacobian = residuals_and_jacobian(problem, x)
+            last[key] = (np.nan_to_num(r + shift, nan=1e100, posinf=1e100, neginf=-1e100), np.nan_to_num(jacobian))
+        return last[key]
+
+    begin = np.clip(z, 1e-9, 1 - 1e-9)
+    try:
+        found = least_squares(
+            lambda x: at(x)[0], begin, lambda x: at(x)[1], (0.0, 1.0), x_scale="jac", ftol=SAME, xtol=1e-8, gtol=1e-10,
+            max_nfev=EVALUATIONS,
+        )  # fmt: skip
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    return found.x if np.all(np.isfinite(found.x)) and found.cost < 1e99 else None

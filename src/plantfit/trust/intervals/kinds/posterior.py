@@ -1,0 +1,154 @@
+"""Draws of the parameters from their posterior, by NUTS (blackjax)."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import MissingExtra
+from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.kinds.noise import OutputNoise, log_likelihood
+
+import jax
+import jax.numpy as jnp
+
+CHAINS = 4
+WARM = 400  # steps that adapt step size and metric, from one that the linearised problem gives
+CHUNK = 50  # draws between two words of progress
+DOUBLINGS = 8  # of a trajectory at most
+INSIDE = 1e-3  # of the cube, from the bounds, where chains begin
+LOGISTIC = 0.3  # precision of a logistic variable: what flat priors are on the sampled scale
+
+
+@dataclass(frozen=True)
+class Draws:
+    """`values` (chains, draws, d) in the parameters' units, with R-hat and effective sample size (d,) and the share of trajectories
+    that diverged."""
+
+    values: np.ndarray
+    log_density: np.ndarray
+    r_hat: np.ndarray
+    effective: np.ndarray
+    diverged: int
+
+
+def need_blackjax() -> None:
+    """Raise MissingExtra where blackjax is not installed."""
+    if sys.modules.get("blackjax", True) is None or find_spec("blackjax") is None:
+        raise MissingExtra("A posterior needs the package blackjax; install it with: pip install 'plantfit[posterior]'")
+
+
+def posterior(
+    problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]], *,
+    chains: int = CHAINS, draws: int = 1000, seed: int = 1, tell: Callable[[int, int], None] = lambda done, of: None,
+) -> Draws:  # fmt: skip
+    """Draws around the cube point z (d,): the likelihood of `noises`, flat priors on the scale of the search within the bounds, and
+    normal ones where `priors` has (mean, standard deviation) by number. Raises MissingExtra where blackjax is not installed.
+
+    The cube is mapped to the whole space by logits and rotated to the linearised problem's axes, so that the metric begins near
+    its best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
+    """
+    need_blackjax()
+    import blackjax
+    from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
+
+    begin = np.clip(z, INSIDE, 1.0 - INSIDE)
+    origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors)
+    density = _density(problem, noises, priors, origin, axes)
+    key = jax.random.key(seed)
+    start_key, warm_key, draw_key = jax.random.split(key, 3)
+    positions = jax.random.normal(start_key, (chains, len(z)))
+    warm = blackjax.window_adaptation(blackjax.nuts, density, max_num_doublings=DOUBLINGS)
+    total = WARM + draws
+    tell(0, total)
+
+    def adapted(key: Any, position: Any) -> Any:
+        (state, found), _ = warm.run(key, position, num_steps=WARM)
+        return state, found["step_size"], found["inverse_mass_matrix"]
+
+    states, steps, metrics = jax.jit(jax.vmap(adapted))(jax.random.split(warm_key, chains), positions)
+
+    def some(keys: Any, state: Any, step: Any, metric: Any) -> Any:
+        kernel = blackjax.nuts(density, step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS)
+
+        def one(state: Any, key: Any) -> Any:
+            state, info = kernel.step(key, state)
+            return state, (state.position, state.logdensity, info.is_divergent)
+
+        return jax.lax.scan(one, state, keys)
+
+    many = jax.jit(jax.vmap(some))
+    tell(WARM, total)
+    found, done = [], 0
+    while done < draws:
+        keys = jax.vmap(lambda k: jax.random.split(k, CHUNK))(jax.random.split(jax.random.fold_in(draw_key, done), chains))
+        states, out = many(keys, states, steps, metrics)
+        found.append([np.asarray(o) for o in out])
+        done += CHUNK
+        tell(min(WARM + done, total), total)
+    u, log_density, diverged = (np.concatenate(parts, axis=1)[:, :draws] for parts in zip(*found, strict=True))
+    cube = 1.0 / (1.0 + np.exp(-(origin + u @ axes.T)))
+    values = np.asarray(problem.space.physical(cube.reshape(-1, len(z)))).reshape(cube.shape)
+    half = draws // 2
+    split = np.concatenate([u[:, :half], u[:, half : 2 * half]])  # halves of chains: a drift within one shows too
+    return Draws(
+        values, log_density, np.asarray(potential_scale_reduction(split)), np.asarray(effective_sample_size(split)), int(diverged.sum())
+    )
+
+
+def _density(
+    problem: Problem, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]], origin: np.ndarray, axes: np.ndarray
+) -> Callable[[jax.Array], jax.Array]:
+    """The log density of a position (d,) on the rotated scale; minus infinity where the plant cannot be simulated."""
+    data, arguments = problem.unsmoothed, problem.unsmoothed.arguments
+    evaluate, space = data.compiled["residuals_and_jacobian"], problem.space
+    given = list(noises)
+
+    @jax.custom_vjp
+    def likelihood(z: jax.Array) -> jax.Array:
+        return log_likelihood(given, evaluate(z, arguments)[0])
+
+    def forward(z: jax.Array) -> Any:
+        r, jacobian = evaluate(z, arguments)
+        value, back = jax.value_and_grad(lambda r: log_likelihood(given, r))(r)
+        good = jnp.isfinite(value) & jnp.all(jnp.isfinite(jacobian))
+        return jnp.where(good, value, -jnp.inf), jnp.where(good, back @ jacobian, 0.0)
+
+    likelihood.defvjp(forward, lambda slope, g: (g * slope,))
+
+    def density(u: jax.Array) -> jax.Array:
+        q = origin + axes @ u
+        z = jax.nn.sigmoid(q)
+        total = likelihood(z) + jnp.sum(jax.nn.log_sigmoid(q) + jax.nn.log_sigmoid(-q))
+        if priors:
+            values = space.physical(z)
+            for k, (mean, deviation) in priors.items():
+                c = space.coordinates[k]
+                total = total - 0.5 * ((values[k] - mean) / deviation) ** 2
+                total = total + (jnp.log(values[k]) if c.log else 0.0)  # a density over values, not over their logarithms
+        return jnp.where(jnp.isnan(total), -jnp.inf, total)
+
+    return density
+
+
+def _axes(problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]) -> np.ndarray:
+    """Columns (d, d) of one standard deviation each on the scale of logits, of the linearised problem."""
+    r, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    information = LOGISTIC * np.eye(len(z))
+    onto = z * (1.0 - z)  # of the cube for a move of the logit
+    for noise in noises:
+        y, J, X = r[noise.rows], jacobian[noise.rows] * onto, r[noise.lagged]
+        if noise.order:
+            phi = np.linalg.lstsq(X, y, rcond=None)[0]
+            y, J = y - X @ phi, J - np.tensordot(phi, np.swapaxes(jacobian[noise.lagged], 0, 1), 1) * onto
+        information += J.T @ J * (len(y) / max(float(y @ y), 1e-300))
+    slopes = problem.space.slopes(z) * onto
+    for k, (_, deviation) in priors.items():
+        information[k, k] += (slopes[k] / deviation) ** 2
+    values, vectors = np.linalg.eigh(information)
+    return vectors / np.sqrt(values)

@@ -1,0 +1,139 @@
+"""Where intervals of several kinds agree, and why they may not, in sentences."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+ALIKE = 0.35  # of half a width: how far the ends of two intervals may lie apart
+WIDER = 1.25  # times
+MOST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0  # (Vehtari and others, Bayesian Analysis 16 (2021) 667)
+FEW_BLOCKS = 12
+CONFLICT = 3.0  # standard deviations
+NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "the profile", "bootstrap": "the bootstrap",
+         "posterior": "the posterior"}  # fmt: skip
+Row = Mapping[str, Any]
+
+
+def interval_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """About the agreement of kinds, about draws, and about what was not made."""
+    found = [*_agreement(record), *_draws(record), *_conflicts(record), *_blocks(record)]
+    return found + [_line("info", sentence) for sentence in record["refused"].values()]
+
+
+def apart(one: Row, other: Row) -> float:
+    """How far the ends of two intervals lie apart at most, in mean half widths; an end that is open in both is the same."""
+    half = 0.25 * (one["high"] - one["low"] + other["high"] - other["low"])
+    ends = [abs(one[e] - other[e]) for e in ("low", "high") if not (one[f"open_{e}"] and other[f"open_{e}"])]
+    return max(ends, default=0.0) / max(half, 1e-300)
+
+
+def _agreement(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    alike, worst, lines = [], 0.0, []
+    for p in record["parameters"]:
+        drawn = [k for k in p["kinds"] if k["low"] is not None]
+        if len(drawn) < 2:
+            continue
+        reference = next((k for k in drawn if k["kind"] == "profile"), drawn[0])
+        others = [(k, apart(reference, k)) for k in drawn if k is not reference]
+        far = [(k, d) for k, d in others if d > ALIKE]
+        if not far:
+            alike.append(p["name"])
+            worst = max([worst, *(d for _, d in others)])
+        lines += [_disagreement(p, reference, k, record) for k, _ in far]
+    if not alike:
+        return lines
+    said = f"All kinds agree on {_list(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a width apart."
+    return [_line("good", said), *lines]
+
+
+def _disagreement(p: Mapping[str, Any], one: Row, other: Row, record: Mapping[str, Any]) -> dict[str, str]:
+    width = (other["high"] - other["low"]) / max(one["high"] - one["low"], 1e-300)
+    unit = f" {p['unit']}" if p["unit"] not in (None, "1") else ""
+    size = f"{width:.2g} times as wide as that of" if width > WIDER or width < 1 / WIDER else "elsewhere than that of"
+    said = (
+        f"{p['name']}: the interval of {NAMES[other['kind']]} ({_ends(other)}{unit}) is {size} {NAMES[one['kind']]} "
+        f"({_ends(one)}{unit}): {_reason(one, other, width, record)}"
+    )
+    return _line("info" if other["kind"] in ("covariance", "verdict") else "warning", said)
+
+
+def _reason(one: Row, other: Row, width: float, record: Mapping[str, Any]) -> str:
+    kind = other["kind"]
+    if kind == "verdict" and not all(p["status"] == "determined" for p in record["parameters"]):
+        return "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
+    if kind in ("covariance", "verdict"):
+        return "the cost is no parabola here, which the profile follows and the covariance does not. Take the profile."
+    if kind == "bootstrap":
+        if other["open_low"] or other["open_high"]:
+            return "refits end on a bound of the search."
+        if width > 1:
+            return "refits scatter more than the cost foretells: there may be a second optimum, or noise that grows with the signal."
+        return "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
+    posterior = record["posterior"]
+    if posterior["priors"]:
+        return "it knows the priors too."
+    if max(posterior["orders"].values(), default=0) > 0:
+        if width < 1:
+            return "it weighs samples by the correlation of their noise, which least squares do not: right if the residual is noise."
+        return "it weighs samples by the correlation of their noise; where the two lie apart, the residual may be no noise."
+    if one["open_low"] or one["open_high"] or other["open_low"] or other["open_high"]:
+        return "what the data leave open it averages over the bounds of the search."
+    return "it averages over all values of the others, the profile takes their best."
+
+
+def _draws(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    p = record["posterior"]
+    if p is None:
+        return []
+    worst, least = max(p["r_hat"].values()), min(p["effective"].values())
+    said = f"{p['chains']} chains of {p['draws']} draws: R-hat at most {worst:.3f}, at least {least:.0f} effective draws"
+    coloured = {o: n for o, n in p["orders"].items() if n}
+    noise = f"; noise of {', '.join(f'{o} is an autoregression of order {n}' for o, n in coloured.items())}" if coloured else ""
+    if p["diverged"]:
+        return [_line("warning", f"{said}, {p['diverged']} trajectories diverged{noise}. Parts of the posterior may be missing.")]
+    if worst > MOST_R_HAT or least < LEAST_EFFECTIVE:
+        return [_line("warning", f"{said}{noise}. That is too few to trust its ends; give more --draws.")]
+    return [_line("good", f"{said}, none diverged{noise}.")]
+
+
+def _conflicts(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Priors that the data deny."""
+    lines = []
+    for p in record["parameters"]:
+        mean, deviation = (record["posterior"] or {"priors": {}})["priors"].get(p["name"], (None, None))
+        if mean is None or p["standard_error"] is None:
+            continue
+        far = abs(mean - p["value"]) / (deviation**2 + p["standard_error"] ** 2) ** 0.5
+        if far > CONFLICT:
+            said = f"The prior of {p['name']} and what the data say of it lie {far:.2g} standard deviations apart: one of them is wrong."
+            lines.append(_line("warning", said))
+    return lines
+
+
+def _blocks(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    b = record["bootstrap"]
+    if b is None:
+        return []
+    lines = []
+    few = {o: n for o, n in b["blocks"].items() if n < FEW_BLOCKS and b["block"][o] > 1}
+    for output, n in few.items():
+        lines.append(
+            _line("warning", f"The residuals of {output} are so slow that a record holds {n} blocks of {b['block'][output]} samples; the "
+                  "bootstrap's ends are rough.")
+        )  # fmt: skip
+    if b["lost"]:
+        lines.append(_line("warning", f"{b['lost']} of {b['replicates']} refits could not be simulated and are left out."))
+    return lines
+
+
+def _ends(k: Row) -> str:
+    low = f"below {k['low']:.4g}" if k["open_low"] else f"{k['low']:.4g}"
+    high = f"above {k['high']:.4g}" if k["open_high"] else f"{k['high']:.4g}"
+    return f"{low} to {high}"
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _line(level: str, sentence: str) -> dict[str, str]:
+    return {"level": level, "sentence": sentence}

@@ -1,0 +1,66 @@
+"""`plantfit intervals`: intervals of a heater with known truth, the page, the draws, and refusals before anything is fitted."""
+
+import json
+import sys
+
+import pytest
+from cli_call import call, heater
+from scipy.io import netcdf_file
+
+TRUTH = {"K": 0.8, "T0": 21.0, "tau": 40.0, "L": 3.4}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    heater(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
+    words = ("intervals", "heater.toml", "--posterior", "--save-draws", "draws.nc", "--draws", "500", "--level", "99%")
+    said = call(capsys, monkeypatch, *words)
+    assert said.code == 0, said.err
+    assert "4 chains of 500 draws" in said.out
+    page = (place / "heater-intervals.html").read_text()
+    assert "Profile and draws of tau" in page
+    with netcdf_file("draws.nc", mmap=False) as file:
+        assert file.variables["tau"].units == b"s"
+        assert file.variables["tau"].shape == (4, 500)
+
+    words = ("intervals", "heater.toml", "--only", "tau,L", "--json")
+    record = json.loads(call(capsys, monkeypatch, *words).out)
+    assert [p["name"] for p in record["parameters"]] == ["tau", "L"]
+    for p in record["parameters"]:
+        assert [k["kind"] for k in p["kinds"]] == ["verdict", "covariance", "profile", "bootstrap"]
+        for k in p["kinds"]:  # a little wider: 95 % each
+            half = 0.5 * (k["high"] - k["low"])
+            assert k["low"] - half < TRUTH[p["name"]] < k["high"] + half, k
+    again = call(capsys, monkeypatch, "intervals", "heater.toml", "--posterior", "--save-draws", "draws.nc")
+    assert "draws.nc is there already" in again.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--kinds", "mcmc"), "There is no kind 'mcmc' of interval"),
+        (("--only", "taus"), "There is no free parameter 'taus'"),
+        (("--level", "high"), "--level 'high' is no share"),
+        (("--prior", "tau"), "--prior 'tau' cannot be read"),
+        (("--prior", "tau=3"), "write mean and standard deviation"),
+        (("--prior", "tau=3 m +- 1 m"), "The prior of tau"),
+        (("--draws", "3"), "draws is 3; give 100"),
+    ],
+)
+def test_refusals_come_before_the_fit(place, capsys, monkeypatch, words, said):
+    found = call(capsys, monkeypatch, "intervals", "heater.toml", *words)
+    assert found.code not in (0, 1)
+    assert said in found.err
+    assert "evaluations" not in found.out
+    assert not (place / "heater-intervals.html").exists()
+
+
+def test_a_posterior_without_blackjax_says_what_to_install(place, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "blackjax", None)
+    found = call(capsys, monkeypatch, "intervals", "heater.toml", "--posterior")
+    assert found.err == "plantfit: A posterior needs the package blackjax; install it with: pip install 'plantfit[posterior]'\n"

@@ -1,0 +1,224 @@
+"""Intervals by covariance, profile, bootstrap and posterior against closed forms, quadrature and coverage, for white and coloured noise."""
+
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+from scipy.signal import lfilter
+from scipy.stats import norm
+from scipy.stats import t as student
+
+import plantfit as pf
+from plantfit.errors import SpecError
+from plantfit.trust.intervals.kinds.bootstrap import bootstrap, percentiles
+from plantfit.trust.intervals.kinds.noise import log_likelihood, noise_of
+from plantfit.trust.intervals.kinds.posterior import posterior
+from plantfit.trust.intervals.kinds.told import interval_sentences
+
+ONE = {"u": "1", "y": "1"}
+
+
+def line(u, y, bounds=(-10.0, 10.0)):
+    """The answer of y = a + b*u to samples (n,) a second apart."""
+    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    record = pf.from_arrays({"u": u, "y": y}, period=1.0, units=ONE)
+    return pf.fit(pf.Problem(model, record, {"a": bounds, "b": bounds}), seed=1)
+
+
+def slow_noise(rng, n, rho, sd):
+    return lfilter([1.0], [1.0, -rho], sd * np.sqrt(1 - rho * rho) * rng.standard_normal(n + 200))[200:]
+
+
+@pytest.fixture(scope="module")
+def white():
+    rng = np.random.default_rng(3)
+    u = rng.uniform(-1, 1, 40)
+    return u, (y := 1 + 2 * u + 0.3 * rng.standard_normal(40)), line(u, y)
+
+
+@pytest.fixture(scope="module")
+def found(white):
+    return pf.compare_intervals(white[2], kinds=("covariance", "profile", "bootstrap", "posterior"), replicates=2000, draws=2000)
+
+
+def test_all_kinds_meet_the_closed_form_of_a_straight_line(white, found):
+    u, y, _ = white
+    X = np.stack([np.ones(40), u], axis=1)
+    best, squares = np.linalg.lstsq(X, y, rcond=None)[:2]
+    errors = np.sqrt(squares[0] / 38 * np.diag(np.linalg.inv(X.T @ X)))
+    for k, p in enumerate(found.record["parameters"]):
+        # variance integrated out under 1/sigma: Student's t with n - d degrees of freedom (Box and Tiao 1973, section 2.7)
+        exact = student.interval(0.95, 38, best[k], errors[k])
+        own = {i["kind"]: (i["low"], i["high"]) for i in p["kinds"]}
+        assert own["posterior"] == pytest.approx(exact, abs=0.08 * errors[k])  # 2.5 % quantiles of some 5000 draws: 0.04 errors
+        robust = errors[k] * np.sqrt(found.profiles["ab"[k]].inflation)  # at least 1: what correlation would add
+        assert own["profile"] == pytest.approx(norm.interval(0.95, best[k], robust), abs=0.05 * errors[k])
+        assert own["bootstrap"] == pytest.approx(exact, abs=0.35 * errors[k])
+        assert own["covariance"] == pytest.approx(norm.interval(0.95, best[k], errors[k]), abs=0.45 * errors[k])
+    assert found.record["posterior"]["orders"] == {"y": 0}
+    assert [v["level"] for v in found.record["verdict"]] == ["good", "good"], found.verdict
+
+
+def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.uniform(-1, 1, 12), 10)
+    y = 1 + 2 * u + slow_noise(rng, 120, 0.8, 0.3)
+    answer = line(u, y)
+    problem, z = answer.problem, answer.best.x
+    noise = noise_of(problem, np.asarray(problem.unsmoothed.residuals(z)))
+    assert noise[0].order == 1
+    found = posterior(problem, z, noise, {}, draws=2000, seed=2)
+
+    def log_density(a, b):  # numpy alone: regression of the residual on the one before, variance and coefficient integrated out
+        e = y - a - b * u
+        now, before = e[1:], e[:-1]
+        gram = before @ before
+        return -0.5 * 118 * np.log(now @ now - (before @ now) ** 2 / gram) - 0.5 * np.log(gram)
+
+    a, b = np.linspace(-1, 3, 161), np.linspace(0.5, 3.5, 161)
+    density = np.array([[log_density(p, q) for q in b] for p in a])
+    density = np.exp(density - density.max())
+    for k, (grid, marginal) in enumerate(((a, density.sum(axis=1)), (b, density.sum(axis=0)))):
+        mean = (grid * marginal).sum() / marginal.sum()
+        deviation = np.sqrt(((grid - mean) ** 2 * marginal).sum() / marginal.sum())
+        sample = found.values[:, :, k].ravel()
+        assert sample.mean() == pytest.approx(mean, abs=0.08 * deviation)
+        assert sample.std() == pytest.approx(deviation, rel=0.08)
+    assert np.all(found.r_hat < 1.02)
+    assert np.all(found.effective > 400)
+
+
+def test_a_prior_and_the_data_meet_as_two_normal_distributions_do(white):
+    _, _, answer = white
+    rows = {r["name"]: r for r in answer.findings["parameters"]}
+    error = rows["b"]["standard_error"]
+    known = pf.compare_intervals(answer, kinds=("posterior",), priors={"b": (rows["b"]["value"] + error, error)}, draws=2000)
+    own = {p["name"]: p["kinds"][-1] for p in known.record["parameters"]}["b"]
+    assert own["median"] == pytest.approx(rows["b"]["value"] + 0.5 * error, abs=0.15 * error)
+    assert own["high"] - own["low"] == pytest.approx(2 * 1.96 * error / np.sqrt(2), rel=0.12)
+    assert not any("one of them is wrong" in v["sentence"] for v in known.record["verdict"])
+    posterior = known.record["posterior"] | {"priors": {"b": [rows["b"]["value"] + 9 * error, error]}}
+    sentences = [v["sentence"] for v in interval_sentences({**known.record, "posterior": posterior})]
+    assert any("lie 6.4 standard deviations apart: one of them is wrong" in s for s in sentences)
+
+
+@pytest.mark.slow
+def test_of_200_records_each_kind_holds_the_truth_in_95_percent():
+    held = {"profile": 0, "bootstrap": 0}
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.uniform(-1, 1, 30), 4)
+        y = 1 + 2 * u + 0.3 * rng.standard_normal(120)
+        found = pf.compare_intervals(line(u, y), kinds=("profile", "bootstrap"), replicates=200, parameters=["b"], seed=seed)
+        for k in found.record["parameters"][0]["kinds"][1:]:
+            held[k["kind"]] += k["low"] <= 2 <= k["high"]
+    assert 180 <= held["profile"] <= 199, held  # binomial(200, 0.95): 184 to 196 in 95 % of seeds
+    assert 178 <= held["bootstrap"] <= 199, held
+
+
+@pytest.mark.slow
+def test_under_coloured_noise_each_kind_holds_the_truth_in_95_percent():
+    held = {"covariance": 0, "profile": 0, "bootstrap": 0, "posterior": 0}
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.uniform(-1, 1, 40), 10)
+        y = 1 + 2 * u + slow_noise(rng, 400, 0.8, 0.3)
+        found = pf.compare_intervals(line(u, y), kinds=tuple(held), replicates=300, draws=500, parameters=["b"], seed=seed)
+        for k in found.record["parameters"][0]["kinds"][1:]:
+            held[k["kind"]] += k["low"] <= 2 <= k["high"]
+    assert min(held.values()) >= 87, held
+    assert max(held.values()) <= 100, held
+
+
+def test_the_order_of_the_noise_is_found_and_a_slow_misfit_is_no_noise():
+    rng = np.random.default_rng(5)
+    u = rng.uniform(-1, 1, 600)
+    orders = []
+    for rho in (0.0, 0.6, 0.9):
+        answer = line(u, 1 + 2 * u + slow_noise(rng, 600, rho, 0.3))
+        r = np.asarray(answer.problem.unsmoothed.residuals(answer.best.x))
+        orders.append(noise_of(answer.problem, r)[0].order)
+    assert orders[0] == 0
+    assert all(o >= 1 for o in orders[1:])
+    wavy = line(u, 1 + 2 * u + 0.5 * np.sign(np.sin(np.arange(600) / 9)) + 0.02 * rng.standard_normal(600))
+    found = pf.compare_intervals(wavy, kinds=("posterior",), draws=100)
+    assert found.draws is None
+    assert "No posterior is drawn" in found.record["refused"]["posterior"]
+
+
+def test_gaps_and_uneven_clocks_break_the_autoregression():
+    rng = np.random.default_rng(7)
+    t = np.arange(200.0)
+    t[100:] += 50.5
+    u = rng.uniform(-1, 1, 200)
+    y = 1 + 2 * u + slow_noise(rng, 200, 0.7, 0.3)
+    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    record = pf.from_arrays({"t": t, "u": u, "y": y}, time="t", units=ONE)
+    answer = pf.fit(pf.Problem(model, record, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}), seed=1)
+    found = noise_of(answer.problem, np.asarray(answer.problem.unsmoothed.residuals(answer.best.x)))
+    assert found[0].order == 0
+    assert found[0].against == "are correlated, and the clock is uneven"
+
+
+def test_the_likelihood_is_flat_in_the_scale_of_the_noise(white):
+    _, _, answer = white
+    r = np.asarray(answer.problem.unsmoothed.residuals(answer.best.x))
+    noise = noise_of(answer.problem, r)
+    assert float(log_likelihood(noise, 3 * r)) == pytest.approx(float(log_likelihood(noise, r)) - 40 * np.log(3))
+
+
+def test_draws_are_saved_with_their_dimensions_and_units(found, tmp_path):
+    with netcdf_file(str(found.save_draws(tmp_path / "a.nc")), mmap=False) as file:
+        assert file.variables["b"].dimensions == ("chain", "draw")
+        assert np.array_equal(file.variables["b"][:], found.draws.values[:, :, 1])
+        assert file.variables["b"].units == b"1"
+        assert np.array_equal(file.variables["lp"][:], found.draws.log_density)
+
+
+def test_the_same_seed_draws_the_same_and_few_draws_are_told(white):
+    one, same = (pf.compare_intervals(white[2], kinds=("posterior",), draws=100, chains=2, seed=4) for _ in range(2))
+    assert np.array_equal(one.draws.values, same.draws.values)
+    assert any("give more --draws" in v["sentence"] for v in one.record["verdict"])
+
+
+def test_an_interval_at_a_bound_is_open_there_and_ends_as_half_a_bell_does():
+    rng = np.random.default_rng(3)
+    u = rng.uniform(-1, 1, 60)
+    answer = line(u, 1 - 2 * u + 0.1 * rng.standard_normal(60), bounds=(0.0, 5.0))  # b has to be below 0
+    found = pf.compare_intervals(answer, kinds=("bootstrap",), replicates=2000)
+    b = found.record["parameters"][1]["kinds"][-1]
+    r = np.asarray(answer.problem.unsmoothed.residuals(answer.best.x)) * answer.problem.scales["y"]
+    error = np.std(r, ddof=2) / np.sqrt(np.sum((u - u.mean()) ** 2))
+    assert b["open_low"]
+    assert b["high"] == pytest.approx(norm.ppf(0.975) * error, rel=0.08)
+
+
+def test_corrected_percentiles_of_a_normal_sample_are_its_quantiles():
+    sample = np.random.default_rng(0).normal(2.0, 0.5, 200_000)
+    assert percentiles(sample, 2.0, 0.9, (-100.0, 100.0)) == pytest.approx(norm.interval(0.9, 2.0, 0.5), abs=0.01)
+
+
+def test_blocks_are_as_long_as_the_noise_remembers(white):
+    rng = np.random.default_rng(2)
+    u = rng.uniform(-1, 1, 1000)
+    slow = line(u, 1 + 2 * u + slow_noise(rng, 1000, 0.9, 0.3))
+    assert bootstrap(white[2].problem, white[2].best.x, 50).block == {"y": 1}
+    assert 50 < bootstrap(slow.problem, slow.best.x, 50).block["y"] < 150
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"kinds": ("mcmc",)}, "There is no kind 'mcmc' of interval; there are covariance"),
+        ({"kinds": ()}, "at least one kind"),
+        ({"level": 1.5}, "level is 1.5; give 0.5 to 0.999"),
+        ({"replicates": 3}, "replicates is 3"),
+        ({"parameters": ["c"]}, "There is no free parameter 'c'; there are a, b"),
+        ({"priors": {"a": (1, 1)}}, "A prior is for the posterior"),
+        ({"kinds": ("posterior",), "priors": {"c": (1, 1)}}, "A prior names 'c'; free are a, b"),
+        ({"kinds": ("posterior",), "priors": {"a": "about 3"}}, "write mean and standard deviation"),
+        ({"kinds": ("posterior",), "priors": {"a": (1, 0)}}, "has to be above 0"),
+    ],
+)
+def test_refusals(white, asked, words):
+    with pytest.raises(SpecError, match=words):
+        pf.compare_intervals(white[2], **asked)
