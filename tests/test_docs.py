@@ -12,6 +12,11 @@ import jsonschema
 import pytest
 
 import plantfit
+import plantfit.models
+from plantfit.models.extensions import KINDS
+from plantfit.models.library.catalogue import _PLACES
+from plantfit.models.text.functions import CALLS, SPECIAL
+from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.spec.tables import json_schema
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -69,3 +74,31 @@ def test_keys_have_types_and_defaults(site):
     page = (site / "reference" / "study-file-keys.html").read_text("utf-8")
     for key in ("recording", "parameters", "split", "bounds", "methods", "scale"):
         assert f"<code>{key}</code>" in page
+
+
+def page(name):
+    return (ROOT / "docs" / name).read_text("utf-8")
+
+
+def test_pages_name_every_function_of_equations():
+    text = page("models.md")
+    listed = re.findall(r"\w+", text[text.index("Functions:") : text.index("constants pi and e")])
+    assert [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text] == []
+
+
+def test_pages_name_every_stepper_and_every_addition():
+    assert [name for name in STEPPERS if f'"{name}"' not in page("study-file.md")] == []
+    assert [kind for kind in KINDS if f"`{kind}`" not in page("diagnosis.md")] == []
+
+
+def test_the_page_of_the_study_file_names_every_key():
+    """But those of [control], which stand as options of `plantfit tune` on a page of their own."""
+    text, schema = page("study-file.md"), json_schema()
+    tables = {name: table for name, table in {"top": schema, **schema["$defs"]}.items() if name != "ControlTable"}
+    assert len(tables) > 10
+    keys = {(name, key) for name, table in tables.items() for key in table.get("properties", {})}
+    assert sorted(k for k in keys if not re.search(rf"[`\[{{.\s]{k[1]}[`\].\s=]", text)) == []
+
+
+def test_every_model_of_the_library_is_a_name_of_the_room():
+    assert set(_PLACES) <= set(plantfit.models.__all__)

@@ -15,6 +15,8 @@ ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
 MOST = 15
 ROOMS = sorted(p.name for p in SOURCE.iterdir() if (p / "__init__.py").exists())
+FILES = sorted(p.stem for p in SOURCE.glob("*.py") if not p.stem.startswith("_"))
+DOTTED = re.compile(rf"`(?:plantfit\.)?((?:{'|'.join([*ROOMS, *FILES])})(?:\.\w+)+)(?:\([^`]*\))?`")
 NAMED = re.compile(rf"(?<![\w./])((?:{'|'.join(ROOMS)})(?:/[a-z_0-9]+)*/(?:[a-z_0-9]+\.py\b)?)")
 
 
@@ -43,6 +45,35 @@ def test_files_that_pages_and_docstrings_name_exist():
         if not (SOURCE / name).exists() and not (ROOT / "tests" / name).exists()
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def test_dotted_names_in_docstrings_and_comments_lead_somewhere():
+    wrong = [
+        f"{page.relative_to(ROOT)}: {name}"
+        for page in SOURCE.rglob("*.py")
+        for name in DOTTED.findall(page.read_text("utf-8"))
+        if not (name.endswith(".py") and (SOURCE / name).exists()) and not leads(name)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("name", ["simulate.tight", "optimize.basins.Basins", "answer.undiagnose", "models.parts.tables.lockup"])
+def test_a_dotted_name_that_leads_nowhere_is_found(name):
+    assert DOTTED.findall(f"see `{name}`") == [name]
+    assert not leads(name)
+
+
+def leads(name: str) -> bool:
+    """Whether `room.file.name` is there; `answer.diagnose` is of an `Answer`, which the room defines."""
+    room, *parts = name.split(".")
+    found = importlib.import_module(f"plantfit.{room}")
+    own = getattr(found, room.title(), None)
+    for part in parts:
+        try:
+            found = getattr(found, part, None) or importlib.import_module(f"{found.__name__}.{part}")
+        except (ModuleNotFoundError, AttributeError):
+            return len(parts) == 1 and hasattr(own, part)
+    return True
 
 
 def test_every_sub_room_stands_on_the_page():

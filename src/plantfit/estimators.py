@@ -50,7 +50,7 @@ class Estimators:
 
     `record` is plain data for JSON (docs/kalman.md). `noise` has the levels in force, for a filter of your own; `problem` is the problem
     that the filters ran on, `values` the parameters that are believed most: those of the likelihood, else of least squares, with their
-    `covariance` (d, d) in the order of `problem.space.names`. `runs` are the filters over the recordings, by method and recording.
+    `covariance` (d, d) in the order of the `names` of its space. `runs` are the filters over the recordings, by method and recording.
     """
 
     record: Mapping[str, Any]

@@ -13,12 +13,10 @@ from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.study.objective import objective_of
 from plantfit.study.running.probe import check_same, probe
-from plantfit.study.store.addresses import shown
+from plantfit.study.store.addresses import STORE, VARIABLE, shown
 from plantfit.study.store.records import StudyRecord
 from plantfit.study.store.store import Store
 from plantfit.trust.stated_errors.shared_error import SharedError
-
-PLACE, VARIABLE = "plantfit.db", "PLANTFIT_STORE"  # as the commands have them
 
 
 def open_study(
@@ -39,7 +37,7 @@ def open_study(
     A study with runs that are not finished gives the answer of those that are. Raises StoreError for a store, a name or a number that
     is not there, for a study without finished runs and for another problem, RecordingError for recordings that are gone.
     """
-    opened = store if isinstance(store, Store) else Store.open(os.environ.get(VARIABLE, PLACE) if store is None else store, create=False)
+    opened = store if isinstance(store, Store) else Store.open(os.environ.get(VARIABLE, STORE) if store is None else store, create=False)
     record = _found(opened, study)
     runs = stored_runs(opened, record.id)  # what is not finished is said before any work
     read = study_of(record) if problem is None else None

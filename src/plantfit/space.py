@@ -25,7 +25,7 @@ class Parameter:
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
     every recording its own value (offsets, initial states). `start` is a guess: searches that take
     warm starts begin there as well. `smooth` is for tables: the strength with which their second differences are kept small,
-    one for each axis or for all, or "cross-validated" or "reml" (see `problem.smoothing`).
+    one for each axis or for all, or "cross-validated" or "reml" (see `problem.evaluate.smoothing`).
 
     `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible: intervals reach beyond
     bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps that sign (a mass, a dead time), and

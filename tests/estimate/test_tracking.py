@@ -11,7 +11,7 @@ import wandering_plants as lag
 import plantfit as pf
 from plantfit.errors import ModelError, RecordingError, SearchError
 from plantfit.estimate.watch.changes import Calibration, Changes
-from plantfit.recording.readers.text.growing import GrowingTable
+from plantfit.recording.readers.formats.text.growing import GrowingTable
 
 
 @pytest.fixture(scope="module")

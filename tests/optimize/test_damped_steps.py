@@ -22,7 +22,7 @@ def test_first_step_solves_a_linear_problem_up_to_its_damping():
     lanes = lanes_of(a, x, target)
     step, promised = lanes.propose()
     np.testing.assert_allclose(x + step, target, atol=1e-9)
-    np.testing.assert_allclose(promised, lanes.cost, rtol=1e-9)
+    np.testing.assert_allclose(promised, lanes.squares, rtol=1e-9)
 
 
 def test_a_step_ends_on_the_bounds_and_solves_for_the_rest():
@@ -35,7 +35,7 @@ def test_a_step_ends_on_the_bounds_and_solves_for_the_rest():
         on_bounds = (free == 0.0) | (free == 1.0)
         np.testing.assert_array_equal((0.5 + step[0])[on_bounds], free[on_bounds])
         left = a @ (0.5 + step[0] - target)
-        assert promised[0] == pytest.approx(lanes.cost[0] - left @ left, rel=1e-9)
+        assert promised[0] == pytest.approx(lanes.squares[0] - left @ left, rel=1e-9)
 
 
 @pytest.mark.parametrize("condition", [1e4, 1e7, 1e10])
@@ -63,7 +63,7 @@ def test_promise_is_what_the_whole_linear_problem_gives():
     best = b + a @ np.linalg.lstsq(a, -b, rcond=None)[0]
     assert lanes.promise()[0] == pytest.approx(b @ b - best @ best, rel=1e-9)
     there = Lanes.begin(x, Rows(best[None], a[None], x), np.ones(1, bool), np.zeros(1, bool), 100)
-    assert there.promise()[0] <= FINISHED * there.cost[0]
+    assert there.promise()[0] <= FINISHED * there.squares[0]
 
 
 def test_promise_leaves_out_coordinates_that_a_bound_holds_and_those_without_effect():
@@ -74,7 +74,7 @@ def test_promise_leaves_out_coordinates_that_a_bound_holds_and_those_without_eff
     assert np.any(answer.active_mask)
     x, r = answer.x[None], (a @ answer.x - b)[None]
     lanes = Lanes.begin(x, Rows(r, a[None], x), np.ones(1, bool), np.zeros(1, bool), 100)
-    assert lanes.promise()[0] <= FINISHED * lanes.cost[0]
+    assert lanes.promise()[0] <= FINISHED * lanes.squares[0]
     r, x = np.ones((1, 30)), np.full((1, 2), 0.5)
     tiny = np.stack([1e-14 * np.ones(30), 1e-16 * np.arange(30)], axis=1)[None]
     assert Lanes.begin(x, Rows(r, tiny, x), np.ones(1, bool), np.zeros(1, bool), 100).promise()[0] == 0.0

@@ -8,9 +8,8 @@ from plantfit.problem import Problem, checked_cost
 from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.accuracy.steps import choose_substeps, refined_at, steps_for
 from plantfit.recording import from_arrays
-from plantfit.simulate.steps.array_steppers import STEPPERS as ARRAY_STEPPERS
 from plantfit.simulate.steps.array_steppers import Rates
-from plantfit.simulate.steps.steppers import STEPPERS
+from plantfit.simulate.steps.registry import STEPPERS
 
 T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
 # a fast state feeds a slow one: y = b (exp(-k t) - exp(-f t)) / (f - k), a corner at the start that samples do not show
@@ -109,7 +108,7 @@ def test_jumps_and_long_records_get_equal_steps():
     assert can_mesh(problem_of())
 
 
-@pytest.mark.parametrize("name", ["exponential", "rosenbrock", "rk4"])
+@pytest.mark.parametrize("name", [name for name, stepper in STEPPERS.items() if stepper.place_on_arrays])
 def test_steps_on_arrays_are_those_on_scalars(name):
     model = pf.equations(
         "a' = -q*a*b + u\n b' = a - b*b*c\n c' = sin(b) - c*u\n y = a",
@@ -120,7 +119,7 @@ def test_steps_on_arrays_are_those_on_scalars(name):
     random = np.random.default_rng(3)
     x, u0, u1 = random.random((5, 3)), random.random((5, 2)), random.random((5, 2))
     h, q = random.random(5), random.random(5)
-    found = ARRAY_STEPPERS[name](Rates(vector), x, u0, u1, h, (q,))
+    found = STEPPERS[name].on_arrays(Rates(vector), x, u0, u1, h, (q,))
     for k in range(5):
-        own = STEPPERS[name](vector.rate, tuple(x[k]), tuple(u0[k]), tuple(u1[k]), h[k], (q[k],), True)
+        own = STEPPERS[name].step(vector.rate, tuple(x[k]), tuple(u0[k]), tuple(u1[k]), h[k], (q[k],), True)
         np.testing.assert_allclose(found[k], np.array(own, dtype=float), rtol=1e-11)

@@ -6,8 +6,8 @@ import pytest
 
 from plantfit.errors import PlantfitError
 from plantfit.recording import read
-from plantfit.recording.readers.text import csv, plain_text
-from plantfit.recording.readers.text.csv import csv_table
+from plantfit.recording.readers.formats.text import csv, plain_text
+from plantfit.recording.readers.formats.text.csv import csv_table
 
 N = 200
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from plantfit.estimate import Track
-from plantfit.report.figures.constants import constants_figure
+from plantfit.report.figures.pages.constants import constants_figure
 
 
 def track(name, factor=1.0, n=2000):

@@ -8,9 +8,11 @@ from html.parser import HTMLParser
 import pytest
 from chromium import drawn
 from findings_example import example
+from jinja2 import Environment, meta
 
 from plantfit.errors import PlantfitError, StoreError
 from plantfit.report import html, render_html, summary_text, write_report
+from plantfit.report.schema import read_findings
 
 EVIL = "</script><script>alert(1)</script><img src=http://evil.example/x>"
 
@@ -187,6 +189,16 @@ def test_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
         write_report(example(samples=50), path)
     assert path.read_text() == old
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_template_shows_all_that_the_page_is_given():
+    """Jinja says nothing of a value that no template uses: a new section would not appear."""
+    used = {
+        n for name in ("report.html", "frame.html") for n in meta.find_undeclared_variables(Environment().parse(html.template_text(name)))
+    }
+    given = set(html._context(read_findings(example(samples=50))))
+    assert given - used == set()
+    assert "fits" in given
 
 
 def test_summary_holds_verdict_and_parameters():

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length, substeps_below
-from plantfit.simulate.steps.steppers import STEPPERS
+from plantfit.simulate.steps.registry import FIXED, STEPPERS
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +32,7 @@ def pure(tau, t=T, substeps=1, stepper="rk4", bounds=(LOW, HIGH)):
     grid = history_grid(t, substeps, jumps, [tau])
     u = (jnp.zeros(grid.sample.shape),)
     slots = ring_length(t, substeps, jumps, [bounds[1]])
-    x = delayed_rollout(STEPPERS[stepper], lambda x, u, p: (-u[0],), (1.0,), u, u, (), grid.times, [Lag(0, 0, tau)], slots)
+    x = delayed_rollout(STEPPERS[stepper].step, lambda x, u, p: (-u[0],), (1.0,), u, u, (), grid.times, [Lag(0, 0, tau)], slots)
     return x[0][grid.rank]
 
 
@@ -52,7 +52,7 @@ def test_error_falls_with_the_order_of_the_stepper(stepper):
     assert errors[1] < {"rk4": 1e-7, "rosenbrock": 1e-3}[stepper]
 
 
-@pytest.mark.parametrize("stepper", list(STEPPERS))
+@pytest.mark.parametrize("stepper", FIXED)
 def test_cost_by_delay_on_the_grid_off_it_and_at_bounds(stepper):
     """Within 1 % at one step per sample, 0.1 % after two halvings, on the gradient's own scale."""
     data = closed_form(T, 0.6) + 0.1 * np.cos(5 * T)
@@ -83,7 +83,7 @@ def oscillator(q, t, u, substeps=5):
     channels = held, jnp.zeros_like(held)
     slots = ring_length(t, substeps, jumps, [0.6])
     x = delayed_rollout(
-        STEPPERS["rk4"], lambda x, u, p: (x[1], u[0] - p[0] ** 2 * x[0] - p[1] * u[1]),
+        STEPPERS["rk4"].step, lambda x, u, p: (x[1], u[0] - p[0] ** 2 * x[0] - p[1] * u[1]),
         (q[3], 0.0), channels, channels, (q[0], q[1]), grid.times, [Lag(1, 1, q[2])], slots,
     )  # fmt: skip
     return x[0][grid.rank]

@@ -9,7 +9,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.simulate import Simulator
 from plantfit.simulate.check.verify import check_steps, doubling_error
-from plantfit.simulate.steps.steppers import ORDER, factored
+from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.simulate.steps.steppers import factored
 
 import jax
 import jax.numpy as jnp
@@ -66,7 +67,7 @@ def test_order_of_convergence(stepper, hold, swing):
         states = np.array(simulator.states({"unused": 0.0}, simulator.drive(T, {"u": U})))
         errors.append(np.max(np.abs(states - expected)))
     slopes = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert slopes == pytest.approx(ORDER[stepper], abs=0.1), errors
+    assert slopes == pytest.approx(STEPPERS[stepper].order, abs=0.1), errors
 
 
 def decay() -> Model:

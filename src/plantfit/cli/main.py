@@ -15,13 +15,14 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from plantfit.cli.commands import sensitivity
 from plantfit.cli.commands.at_bench import bench
 from plantfit.cli.commands.comparing import intervals
 from plantfit.cli.commands.design import export_plant, next_experiment, tune_controller
+from plantfit.cli.commands.judging import sensitivity
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
+from plantfit.study.store.addresses import STORE, VARIABLE
 
 
 class _Commands(TyperGroup):
@@ -46,7 +47,7 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")]
-StorePlace = Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database: a file, or a SQLAlchemy URL.")]
+StorePlace = Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database: a file, or a SQLAlchemy URL.")]
 StudyId = Annotated[int | None, typer.Argument(help="Number of the study in `plantfit list`; the newest if left out.")]
 ReportPlace = Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML report goes; NAME.html if left out.")]
 Workers = Annotated[
@@ -59,7 +60,6 @@ Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="A dask scheduler as in tcp://host:8786 does the work, or local for one on this machine.")
 ]
 NoDiagnose = Annotated[bool, typer.Option("--no-diagnose", help="Do not look for what is missing in the model.")]
-STORE = "plantfit.db"
 
 
 @app.command()
@@ -136,7 +136,7 @@ def check(
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
-    from plantfit.cli.commands import check as command
+    from plantfit.cli.commands.judging import check as command
 
     command.check(spec, verify, json, at or [], tolerance, holds, identify)
 
@@ -178,7 +178,7 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
-    from plantfit.cli.commands import diagnose as command
+    from plantfit.cli.commands.judging import diagnose as command
 
     command.diagnose(spec, out, try_ or [], force, json)
 

@@ -13,7 +13,7 @@ from plantfit.problem.predictor import Predictor
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.steps.steppers import ORDER
+from plantfit.simulate.steps.registry import STEPPERS
 
 import jax
 import jax.numpy as jnp
@@ -81,7 +81,7 @@ class NewRecording:
         while True:
             twice = _with_steps(simulator, 2 * simulator.substeps)
             finer = self._simulated(predictor.with_simulator(twice), p, mesh)
-            if _error(found, finer, ORDER.get(simulator.stepper)) <= SMALL or twice.substeps >= FINEST:
+            if _error(found, finer, STEPPERS[simulator.stepper].order) <= SMALL or twice.substeps >= FINEST:
                 return finer
             simulator, found = twice, finer
 
@@ -120,9 +120,9 @@ def _arrays(outputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return {k: np.asarray(v) for k, v in outputs.items()}
 
 
-def _error(coarse: Mapping[str, np.ndarray], fine: Mapping[str, np.ndarray], order: float | None) -> float:
+def _error(coarse: Mapping[str, np.ndarray], fine: Mapping[str, np.ndarray], order: int) -> float:
     """The step error that the fine outputs still have, rms as a share of the spread of each output; 0 for exact steps."""
-    left = 1.0 if order is None else 1.0 / (2.0**order - 1.0)
+    left = 1.0 / (2.0**order - 1.0)
     shares = []
     for name, y in fine.items():
         with np.errstate(all="ignore"):

@@ -15,10 +15,7 @@ from plantfit.space import Parameter, Space
 
 def space_of(declared: Sequence[Declared], changes: Mapping[str, Any] | None, recordings: Sequence[str]) -> Space:
     """A space in the model's units; `changes` map names to `Parameter`, (low, high) or a number to hold."""
-    merged = {
-        d.name: Parameter(d.bounds, d.unit, d.scale, d.value, sentence=d.sentence, shape=d.shape, limits=d.limits, typical=d.typical)
-        for d in declared
-    }
+    merged = {d.name: Parameter(**{f.name: getattr(d, f.name) for f in dataclasses.fields(Declared) if f.name != "name"}) for d in declared}
     for name, change in (changes or {}).items():
         if name not in merged:
             close = difflib.get_close_matches(name, merged, 1)
@@ -41,34 +38,42 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         return dataclasses.replace(base, bounds=(low, high), value=None, limits=_holding(base.limits, (low, high)))
     if change.shape and change.shape != base.shape:
         raise SpaceError(f"Parameter {name!r} is given with shape {change.shape}, but the model has {base.shape or 'a single number'}.")
-    bounds, value, start, limits, typical = change.bounds, change.value, change.start, change.limits, change.typical
-    if change.unit is not None and base.unit is not None and change.unit != base.unit:
-        if not units.compatible(change.unit, base.unit):
-            raise UnitError(
-                f"Parameter {name!r} is given in {change.unit!r} but the model has it in {base.unit!r}; use a unit of that kind."
-            )
-        factor, offset = units.factor_offset(change.unit, base.unit)
-        converted = lambda v: None if v is None else np.asarray(v, dtype=float) * factor + offset  # noqa: E731
-        bounds = (converted(bounds[0]), converted(bounds[1])) if bounds else None
-        value, start = converted(value), converted(start)
-        limits = (float(limits[0]) * factor + offset, float(limits[1]) * factor + offset) if limits else None
-        typical = None if typical is None else typical * abs(factor)
-    held = value if value is not None else (None if bounds is not None or change.tied else base.value)
-    if bounds is not None and value is not None:
-        held = value
-    return Parameter(
-        bounds=bounds or base.bounds,
-        unit=base.unit or change.unit,
-        scale=change.scale if change.scale != "linear" or change.bounds else base.scale,
-        value=held,
-        tied=change.tied,
-        per_recording=change.per_recording,
-        start=start,
-        sentence=change.sentence or base.sentence,
-        shape=base.shape,
-        smooth=change.smooth,
-        limits=limits if limits is not None else _holding(base.limits, bounds),
-        typical=typical if typical is not None else base.typical,
+    own = _in_unit(name, change, base.unit)
+    given = {f.name: getattr(own, f.name) for f in dataclasses.fields(Parameter) if not _unsaid(f, getattr(own, f.name))}
+    return dataclasses.replace(
+        base,
+        **{
+            **given,  # what the change leaves open stays as the model has it, but for these
+            "bounds": own.bounds or base.bounds,
+            "scale": own.scale if own.scale != "linear" or own.bounds else base.scale,
+            "value": own.value if own.value is not None else None if own.bounds is not None or own.tied else base.value,
+            "unit": base.unit or own.unit,
+            "limits": own.limits if own.limits is not None else _holding(base.limits, own.bounds),
+        },
+    )
+
+
+def _unsaid(field: dataclasses.Field, value: Any) -> bool:
+    return value is None or (isinstance(value, type(field.default)) and value == field.default)
+
+
+def _in_unit(name: str, change: Parameter, unit: str | None) -> Parameter:
+    """What a user says, in the unit that the model has."""
+    if change.unit is None or unit is None or change.unit == unit:
+        return change
+    if not units.compatible(change.unit, unit):
+        raise UnitError(f"Parameter {name!r} is given in {change.unit!r} but the model has it in {unit!r}; use a unit of that kind.")
+    factor, offset = units.factor_offset(change.unit, unit)
+    converted = lambda v: None if v is None else np.asarray(v, dtype=float) * factor + offset  # noqa: E731
+    bounds, limits = change.bounds, change.limits
+    return dataclasses.replace(
+        change,
+        bounds=(converted(bounds[0]), converted(bounds[1])) if bounds else None,
+        value=converted(change.value),
+        start=converted(change.start),
+        limits=(float(limits[0]) * factor + offset, float(limits[1]) * factor + offset) if limits else None,
+        typical=None if change.typical is None else change.typical * abs(factor),
+        unit=unit,
     )
 
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.sampling import period_of
     from plantfit.recording.description import ColumnSummary, Description, describe
     from plantfit.recording.readers.any_format import read
-    from plantfit.recording.readers.arrays import from_arrays, read_mat, read_npz
-    from plantfit.recording.readers.tables import from_frame, read_parquet, read_xlsx
-    from plantfit.recording.readers.text.csv import read_csv
+    from plantfit.recording.readers.formats.arrays import from_arrays, read_mat, read_npz
+    from plantfit.recording.readers.formats.tables import from_frame, read_parquet, read_xlsx
+    from plantfit.recording.readers.formats.text.csv import read_csv
     from plantfit.recording.record import Recording, Signal
     from plantfit.recording.roles import Role, Roles, guess_roles
     from plantfit.recording.signals.backdate import backdate
@@ -84,9 +84,9 @@ names_of(
     __name__,
     {
         "clean.adjust": "convert_units detrend scale subtract",
-        "readers.arrays": "from_arrays read_mat read_npz",
+        "readers.formats.arrays": "from_arrays read_mat read_npz",
         "signals.backdate": "backdate",
-        "readers.text.csv": "read_csv",
+        "readers.formats.text.csv": "read_csv",
         "roles": "Role Roles guess_roles",
         "clean.cutoff": "Cutoff cutoff_frequency",
         "signals.derivative": "differentiate",
@@ -107,7 +107,7 @@ names_of(
         "record": "Recording Signal",
         "clean.resampling": "decimate resample",
         "clean.sampling": "period_of",
-        "readers.tables": "from_frame read_parquet read_xlsx",
+        "readers.formats.tables": "from_frame read_parquet read_xlsx",
         "write": "to_csv",
     },
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from plantfit.errors import RecordingError
 from plantfit.recording.readers.columns import identifier, split_header
-from plantfit.recording.readers.text.csv import LOG_MARK
+from plantfit.recording.readers.formats.text.csv import LOG_MARK
 from plantfit.recording.record import Recording
 
 

@@ -15,7 +15,7 @@ from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_frict
 from plantfit.simulate.steps.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
 from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length
 from plantfit.simulate.steps.linear import exact_step
-from plantfit.simulate.steps.steppers import STEPPERS
+from plantfit.simulate.steps.registry import ADAPTIVE, EXACT, STEPPERS
 from plantfit.simulate.steps.structure import is_linear
 from plantfit.simulate.steps.times import known_times
 from plantfit.simulate.steps.vector import VectorModel, vectorise
@@ -23,7 +23,6 @@ from plantfit.simulate.steps.vector import VectorModel, vectorise
 import jax
 import jax.numpy as jnp
 
-EXACT, ADAPTIVE = "exact", "adaptive"
 EARLY = 1000  # steps before the first sample, at most; as many as the record has samples where these are more
 
 
@@ -64,8 +63,8 @@ class Simulator:
     def of(cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
         """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
         hold = dict(hold or {})
-        if stepper not in (*STEPPERS, EXACT, ADAPTIVE):
-            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted((*STEPPERS, EXACT, ADAPTIVE))}.")
+        if stepper not in STEPPERS:
+            raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {sorted(STEPPERS)}.")
         vector = vectorise(model)
         if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
             raise SimulationError(
@@ -122,7 +121,7 @@ class Simulator:
     def _one_step(self) -> Callable:
         if self.stepper == ADAPTIVE:
             return adaptive(self.substeps)
-        return self._exact if self.stepper == EXACT else STEPPERS[self.stepper]
+        return self._exact if self.stepper == EXACT else STEPPERS[self.stepper].step
 
     def _exact(self, rate, x, u0, u1, h, p, varying, pattern=None):
         return exact_step(self.vector, p, h, varying)(x, u0, u1)

@@ -162,7 +162,4 @@ def _filtered_alike(model, experiments: Mapping[str, Experiment], options: Alike
 
 
 def _parameter(p: ParameterTable) -> Parameter:
-    return Parameter(
-        p.bounds, p.unit, p.scale, p.value, p.tied, p.per_recording, p.start, p.sentence, smooth=p.smooth, limits=p.limits,
-        typical=p.typical,
-    )  # fmt: skip
+    return Parameter(**{name: getattr(p, name) for name in ParameterTable.model_fields})

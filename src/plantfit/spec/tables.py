@@ -2,13 +2,15 @@
 
 import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from plantfit.errors import SpecError
+from plantfit.simulate.steps.registry import STEPPERS
 
 
 class _Table(BaseModel):
@@ -44,6 +46,10 @@ def _by_name(value: Any) -> Any:
 Pair = tuple[float, float]
 Numbers = Annotated[Any, BeforeValidator(_numbers)]  # one number for all nodes of a table, or one for each
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
+if TYPE_CHECKING:
+    StepperName = str
+else:
+    StepperName = Literal[tuple(STEPPERS)]
 
 
 class RecordingTable(_Table):
@@ -116,7 +122,7 @@ class ParameterTable(_Table):
 
 
 class SimulationTable(_Table):
-    stepper: Literal["exponential", "rosenbrock", "rk4", "exact", "adaptive"] = "exponential"
+    stepper: StepperName = "exponential"
     substeps: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
 
 
@@ -285,7 +291,10 @@ def shown_value(value: Any, longest: int = 120) -> str:
 
 
 def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str:
-    first = error.errors()[0]
+    every = error.errors()
+    first = every[0]
+    if first["type"] == "missing":  # a misspelt key beside it says more
+        first = next((e for e in every if e["type"] == "extra_forbidden" and e["loc"][:-1] == first["loc"][:-1]), first)
     places = [
         str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")
     ]
@@ -304,15 +313,28 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
 
 def _owner(loc: tuple[Any, ...]) -> list[str]:
     """Keys allowed in the table at a place."""
-    tables: dict[str, type[BaseModel]] = {
-        "recording": RecordingTable, "model": ModelTable, "parameters": ParameterTable, "simulation": SimulationTable,
-        "search": SearchTable, "uncertainty": UncertaintyTable, "propagation": PropagationTable, "control": ControlTable,
-        "estimate": EstimateTable,
-        "regression": RegressionTable,
-    }  # fmt: skip
-    table = tables.get(str(loc[0]), SpecTable) if loc else SpecTable
-    if "states" in loc:
-        table = StateTable
-    if loc[:2] == ("model", "tables"):
-        table = TableTable
+    kind: Any = SpecTable
+    for part in loc:
+        kind = _below(kind, str(part))
+    table = next((k for k in _kinds(kind) if isinstance(k, type) and issubclass(k, BaseModel)), SpecTable)
     return [f.alias or n for n, f in table.model_fields.items()]
+
+
+def _below(kind: Any, part: str) -> Any:
+    """The type of a key of a table; the type itself where the part names one of several types that a value may have."""
+    for one in _kinds(kind):
+        if get_origin(one) is dict:
+            return get_args(one)[1]
+        if isinstance(one, type) and issubclass(one, BaseModel):
+            fields = {f.alias or n: f.annotation for n, f in one.model_fields.items()}
+            return one if part == one.__name__ else fields.get(part, kind)
+    return kind
+
+
+def _kinds(kind: Any) -> Iterator[Any]:
+    """The types that a value may have."""
+    if get_origin(kind) in (Union, UnionType, Annotated):
+        for one in get_args(kind)[: 1 if get_origin(kind) is Annotated else None]:
+            yield from _kinds(one)
+    else:
+        yield kind

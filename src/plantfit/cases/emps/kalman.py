@@ -9,7 +9,7 @@ from plantfit.estimate import FilterRun, MaximumLikelihood, Noise, ekf, maximum_
 from plantfit.fitting import Answer
 from plantfit.problem import Problem
 from plantfit.recording import Recording, Signal
-from plantfit.report.figures.constants import constants_figure
+from plantfit.report.figures.pages.constants import constants_figure
 
 CONSTANTS = ("M", "Fv", "Fc", "offset")
 EVERY = 10  # samples between the outputs that are used, as in the regression

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from plantfit.cli.arguments.file_names import file_name
 from plantfit.cli.terminal.out import out, print_json, warn
 from plantfit.errors import StoreError
-from plantfit.study.store.addresses import shown
+from plantfit.study.store.addresses import shown, store_option
 
 if TYPE_CHECKING:
     from plantfit.study.store.merging import Merged
@@ -56,7 +56,7 @@ def import_(files: list[str], spec: str | None, store: str, json: bool) -> None:
         if same is not None:
             warn(f"Study {same} is the same study as {file}: `plantfit merge {shlex.quote(file)}` would have united them.")
         if not json:
-            more = "" if study.state == "done" else f"; go on with `plantfit resume {number}{_store_option(store)}`"
+            more = "" if study.state == "done" else f"; go on with `plantfit resume {number}{store_option(store)}`"
             out.print(f"{file}: study {number} ({study.name}), {study.runs_done} of {study.runs_total} runs{more}", markup=False)
     if json:
         print_json(told)
@@ -126,7 +126,3 @@ def _record(found: "Merged") -> dict[str, Any]:
         "different": found.different,
         "notes": list(found.notes),
     }
-
-
-def _store_option(store: str) -> str:
-    return "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"

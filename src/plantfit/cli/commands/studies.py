@@ -1,18 +1,17 @@
 """`plantfit run`, `resume`, `list` and `report`."""
 
-import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
-from plantfit.cli.commands.check import say_looks
+from plantfit.cli.commands.judging.check import say_looks
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
-from plantfit.study.store.addresses import shown
+from plantfit.study.store.addresses import shown, store_option
 
 
 def run(
@@ -26,8 +25,8 @@ def run(
     if additions:
         if len(paths) > 1:
             raise SpecError("--try changes one study file; give one, or run the others by themselves.")
-        from plantfit.cli.commands.diagnose import added
-        from plantfit.cli.commands.diagnose import shown as named
+        from plantfit.cli.commands.judging.diagnose import added
+        from plantfit.cli.commands.judging.diagnose import shown as named
 
         paths = [named(added(paths[0], additions, json))]
         if not json:
@@ -142,7 +141,7 @@ def _work(
 
 
 def _saved(records, store: str) -> str:
-    where = "" if store == "plantfit.db" else f" --store {shlex.quote(shown(store))}"
+    where = store_option(store)
     each = [f"study {r.id} ({r.name}) is saved with {r.runs_done} of {r.runs_total} runs done" for r in records]
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 

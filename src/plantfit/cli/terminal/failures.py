@@ -21,9 +21,9 @@ def shortened(text: str, longest: int = LONGEST) -> str:
 
 def inside(error: BaseException) -> str:
     """The sentence for an error that is not meant for users; writes the log that it names."""
-    from plantfit.study.store.addresses import concealed
+    from plantfit.study.store.addresses import VARIABLE, concealed
 
-    addresses = [*(a for a in sys.argv[1:] if "://" in a), os.environ.get("PLANTFIT_STORE", "")]
+    addresses = [*(a for a in sys.argv[1:] if "://" in a), os.environ.get(VARIABLE, "")]
     first = (str(error).splitlines() or [""])[0].strip()
     what = shortened(concealed(f"{type(error).__name__}: {first}" if first else type(error).__name__, *addresses), 300)
     log = _written(concealed(_text(error), *addresses))

@@ -1,6 +1,5 @@
 """Studies searched by this process, by helpers on this machine, or by a cluster."""
 
-import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -79,11 +78,11 @@ def search(opened: Any, chosen: Sequence[Ready], workers: str | None, scheduler:
 
 
 def _farewell(opened: Any, numbers: Sequence[int]) -> str:
-    from plantfit.study.store.addresses import shown
+    from plantfit.study.store.addresses import store_option
 
     if not numbers:
         return "Stopped at once, before anything was begun."
-    where = "" if opened.name == "plantfit.db" else f" --store {shlex.quote(shown(opened.name))}"
+    where = store_option(opened.name)
     return f"Stopped at once; go on from the last checkpoint with `plantfit resume {' '.join(map(str, numbers))}{where}`."
 
 

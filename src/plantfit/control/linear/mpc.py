@@ -48,7 +48,7 @@ def mpc(
     Least sum over the moves of (x - x0)' Q (x - x0) + (u - u0)' R (u - u0), and after the last one the cost of the `lqr` that
     has no limits: where none acts the command is that of `lqr` with a period of hold * period. `limits` of the inputs are
     hard; `state_limits` by name are soft, a violation d costs 1/2 softness d^2 a move. The reference of now is taken to
-    last. Every sample takes `steps` steps of `control.quadratic`, which begin where those of the last sample ended.
+    last. Every sample takes `steps` steps of `control.linear.quadratic`, which begin where those of the last sample ended.
 
     Source: Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., sections 1.3, 2.5 and 8.8 (condensing about the regulator,
     as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65). Q, R, `estimator` and errors as in `lqr`.

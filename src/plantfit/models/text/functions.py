@@ -26,7 +26,11 @@ MANY = 64
 
 @dataclass(frozen=True)
 class Function:
-    """`least` to `most` arguments; `rule` says what units they take and give (see unit_check).
+    """`least` to `most` arguments; `rule` says what units they take and give (`models.text.unit_check`).
+
+    "same": one unit for all arguments and the result; "ratio": one for all arguments, and a number; "plain": numbers; "angle": radians,
+    and a number; "choose": a condition, then as "same"; "logic": anything, and a number; "law": see `like_result`; "times", "over",
+    "power", "root": units are multiplied, divided, raised.
 
     `guarded` replaces `evaluate` inside the branches of a piecewise expression. `like_result` are the
     places of arguments of a "law" that share the unit of the result; the others share another.

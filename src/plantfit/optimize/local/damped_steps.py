@@ -17,33 +17,33 @@ RANK = 1e-13  # singular value, as a share of the largest, below which a directi
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Residuals r (n, k) and their derivatives (n, k, d) at n points in rows whose mean square is the cost; full cube points (n, D)."""
+    """Residuals r (n, k) and derivatives (n, k, d) at n points, in k rows whose mean square is the cost; full cube points (n, D)."""
 
     r: np.ndarray
     jacobian: np.ndarray
     points: np.ndarray
 
     @property
-    def cost(self) -> np.ndarray:
-        """Sum of the squares (n,); +inf where a point could not be simulated."""
+    def squares(self) -> np.ndarray:
+        """Sum of the squared rows (n,), k times the cost; +inf where a point could not be simulated."""
         with np.errstate(over="ignore", invalid="ignore"):
-            cost = np.sum(self.r**2, axis=1)
-        return np.where(np.isnan(cost), np.inf, cost)
+            squares = np.sum(self.r**2, axis=1)
+        return np.where(np.isnan(squares), np.inf, squares)
 
 
 @dataclass(eq=False)
 class Lanes:
     """Searches under way; leading axis: search.
 
-    `x` (n, d) cube points of the coordinates that are searched, `points` (n, D) the full ones, `cost` r'r, `scale` the column norms
+    `x` (n, d) cube points of the coordinates that are searched, `points` (n, D) the full ones, `squares` r'r, `scale` the column norms
     so far. `refused` counts steps in a row that led nowhere at the limits of float64; `most` limits the steps. `independent` and
-    `asked` (the user's own start) are facts of the start; `mark` is the cost when the limit was set, `again` tells that a search was
+    `asked` (the user's own start) are facts of the start; `mark` is r'r when the limit was set, `again` tells that a search was
     set aside before.
     """
 
     x: np.ndarray
     points: np.ndarray
-    cost: np.ndarray
+    squares: np.ndarray
     r: np.ndarray
     jacobian: np.ndarray
     scale: np.ndarray
@@ -63,8 +63,8 @@ class Lanes:
         n, scale, none = len(x), np.linalg.norm(rows.jacobian, axis=1), np.zeros(len(x), int)
         limit = np.where(asked, np.iinfo(int).max, most)
         return cls(
-            x, rows.points, rows.cost, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none, none, limit,
-            independent, asked, rows.cost, np.zeros(n, bool),
+            x, rows.points, rows.squares, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none, none, limit,
+            independent, asked, rows.squares, np.zeros(n, bool),
         )  # fmt: skip
 
     def __getitem__(self, which: np.ndarray) -> "Lanes":
@@ -115,14 +115,14 @@ class Lanes:
 
     def take(self, promised: np.ndarray, trial: np.ndarray, rows: Rows) -> np.ndarray:
         """Accept or refuse every step, choose the next dampings (Nielsen 1999, IMM-REP-1999-05, eq. 2.5); which lanes ended (n,)."""
-        cost = rows.cost
+        squares = rows.squares
         with np.errstate(invalid="ignore", divide="ignore"):
-            gained = self.cost - cost
-            ratio = np.where(np.isfinite(cost) & (promised > 0), gained / promised, -1.0)
+            gained = self.squares - squares
+            ratio = np.where(np.isfinite(squares) & (promised > 0), gained / promised, -1.0)
         good = ratio > ENOUGH
         self.x = np.where(good[:, None], trial, self.x)
         self.points = np.where(good[:, None], rows.points, self.points)
-        self.cost = np.where(good, cost, self.cost)
+        self.squares = np.where(good, squares, self.squares)
         self.r = np.where(good[:, None], rows.r, self.r)
         self.jacobian = np.where(good[:, None, None], rows.jacobian, self.jacobian)
         self.scale = np.maximum(self.scale, np.linalg.norm(self.jacobian, axis=1))
@@ -130,11 +130,11 @@ class Lanes:
         self.damping = np.maximum(np.where(good, easier, self.damping * self.growth), EASIEST)
         self.growth = np.where(good, 2.0, 2.0 * self.growth)
         self.steps = self.steps + 1
-        self.refused = np.where(good | (promised > ROUNDING * NEAR * self.cost), 0, self.refused + 1)
-        near = np.flatnonzero((promised <= NEAR * self.cost) | (self.damping > HOPELESS))
-        ended = (self.damping > HOPELESS) | (self.refused >= REFUSED) | (self.cost == 0.0)
+        self.refused = np.where(good | (promised > ROUNDING * NEAR * self.squares), 0, self.refused + 1)
+        near = np.flatnonzero((promised <= NEAR * self.squares) | (self.damping > HOPELESS))
+        ended = (self.damping > HOPELESS) | (self.refused >= REFUSED) | (self.squares == 0.0)
         if len(near):
-            ended[near] |= self[near].promise() <= FINISHED * self.cost[near]
+            ended[near] |= self[near].promise() <= FINISHED * self.squares[near]
         return ended
 
     def promise(self) -> np.ndarray:
@@ -143,7 +143,7 @@ class Lanes:
         Relative to r'r it is the square of the relative offset of Bates and Watts 1981, Technometrics 23:179: how far the residual is
         from being orthogonal to all that the coordinates can change. Columns that change nothing over the whole box do not count.
         """
-        norms, size = np.linalg.norm(self.jacobian, axis=1), np.sqrt(self.cost)
+        norms, size = np.linalg.norm(self.jacobian, axis=1), np.sqrt(self.squares)
         counts = ~self.held & (2.0 * norms > FINISHED * size[:, None])
         columns = np.where(counts[:, None, :], self.jacobian / np.maximum(norms, 1e-300)[:, None, :], 0.0)
         left, singular, _ = np.linalg.svd(columns, full_matrices=False)

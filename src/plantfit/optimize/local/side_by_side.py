@@ -43,7 +43,7 @@ def solved_at_once(counter: Counter, basins: Basins) -> bool:
     if counter.projected is None or len(counter.projected.kept):
         return False
     rows = counter.projected_rows(np.zeros((1, 0)))
-    basins.add(Found(rows.points[0], float(rows.cost[0] / rows.r.shape[1]), started=bool(np.isfinite(rows.cost[0]))))
+    basins.add(Found(rows.points[0], float(rows.squares[0] / rows.r.shape[1]), started=bool(np.isfinite(rows.squares[0]))))
     counter.extra["linear"] = True
     return basins.searches > 0
 
@@ -185,7 +185,7 @@ class LocalSearches:
         if self.counter.projected is not None:
             x = x[:, self.counter.projected.kept]
         begun = Lanes.begin(x, self._evaluate(x), np.asarray(independent), np.asarray(asked), min(FIRST, self.max_steps))
-        works = np.isfinite(begun.cost)
+        works = np.isfinite(begun.squares)
         for failed in x[~works]:
             self.basins.add(Found(failed, np.inf, started=False))
         return begun[works]
@@ -195,7 +195,7 @@ class LocalSearches:
         affordable = max(1, int(self.counter.remaining / self._charge))
         if affordable >= len(lanes):
             return lanes
-        order = np.lexsort((lanes.cost, ~lanes.asked))
+        order = np.lexsort((lanes.squares, ~lanes.asked))
         for k in order[affordable:]:
             self._book(lanes[np.array([k])], finished=False)
         return lanes[np.sort(order[:affordable])]
@@ -204,7 +204,7 @@ class LocalSearches:
         """One step of every lane; those that are still under way."""
         step, promised = lanes.propose()
         trial = np.clip(lanes.x + step, 0.0, 1.0)
-        ended = lanes.take(promised, trial, self._evaluate(trial, lanes.cost / lanes.r.shape[1]))
+        ended = lanes.take(promised, trial, self._evaluate(trial, lanes.squares / lanes.r.shape[1]))
         for once in (False, True):
             self.steps[once] += int(np.sum(lanes.again == once))
         for k in np.flatnonzero(ended):
@@ -222,7 +222,7 @@ class LocalSearches:
 
     def _pass(self, lanes: Lanes, late: np.ndarray) -> np.ndarray:
         """Which of the lanes `late` (n,), at their limits, go on; these are then doubled."""
-        passed, cost, mark = np.zeros(len(late), dtype=bool), lanes.cost / lanes.r.shape[1], lanes.mark / lanes.r.shape[1]
+        passed, cost, mark = np.zeros(len(late), dtype=bool), lanes.squares / lanes.r.shape[1], lanes.mark / lanes.r.shape[1]
         for rung in np.unique(lanes.steps[late]):
             here = lanes.steps[late] == rung
             if rung < self.max_steps:
@@ -230,11 +230,11 @@ class LocalSearches:
                 good = self.rungs.arrived(int(rung), cost[at], mark[at])
                 passed[here] = good | (not self.basins.several) | (cost[at] <= self.basins.best_ended) | self._enough()
         on = late[passed]
-        lanes.mark[on], lanes.most[on] = lanes.cost[on], np.minimum(2 * lanes.most[on], self.max_steps)
+        lanes.mark[on], lanes.most[on] = lanes.squares[on], np.minimum(2 * lanes.most[on], self.max_steps)
         return passed
 
     def _cost(self, lane: Lanes) -> float:
-        return float(lane.cost[0] / lane.r.shape[1])
+        return float(lane.squares[0] / lane.r.shape[1])
 
     def _book(self, lane: Lanes, *, finished: bool) -> None:
         self.basins.add(Found(lane.points[0], self._cost(lane), finished=finished), bool(lane.independent[0]))
@@ -254,5 +254,5 @@ class LocalSearches:
         """Taken from those that were set aside."""
         lane = among.pop(min(range(len(among)), key=lambda k: self._cost(among[k])))
         self.basins.reopen(self._cost(lane), bool(lane.independent[0]))
-        lane.mark, lane.again = lane.cost.copy(), np.array([True])
+        lane.mark, lane.again = lane.squares.copy(), np.array([True])
         return lane

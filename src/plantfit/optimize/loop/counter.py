@@ -161,7 +161,7 @@ class Counter:
         # residuals whose squares overflow cannot be compared either
         works = np.all(np.abs(r) < 1e150, axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(points), axis=1)
         rows = Rows(np.where(works[:, None], r, np.nan), np.where(works[:, None, None], jacobian, 0.0), points)
-        costs = rows.cost / r.shape[1]
+        costs = rows.squares / r.shape[1]
         for k in range(n):
             self._record(points[k], float(costs[k]), float(costs[k]), self.spent - (n - 1 - k) * price)
         self._after()

@@ -24,8 +24,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.steps.array_steppers import STEPPERS, Rates, Step, propagator
-from plantfit.simulate.steps.steppers import ORDER
+from plantfit.simulate.steps.array_steppers import Rates, Step, propagator
+from plantfit.simulate.steps.registry import STEPPERS
 
 import jax
 import jax.numpy as jnp
@@ -49,7 +49,7 @@ def can_mesh(problem: Problem) -> bool:
     simulator = problem.predictor.stepping()
     model = simulator.vector.model
     samples = sum(len(problem.experiments[n].recording) for n in problem.whole_drives)
-    return bool(simulator.stepper in STEPPERS and model.smooth and not model.state_delays and samples <= SPARSE)
+    return bool(STEPPERS[simulator.stepper].place_on_arrays and model.smooth and not model.state_delays and samples <= SPARSE)
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
     with np.errstate(all="ignore"):
         x0 = np.asarray(made.initial(p, drive.first_input, drive.first_output))
         rank, sample, u0, u1, length = _grid(made, p, drive)
-        coarse, fine, local, jacobian = _followed(STEPPERS[own.stepper], made.rates, x0, (u0, u1, length), values)
+        coarse, fine, local, jacobian = _followed(STEPPERS[own.stepper].on_arrays, made.rates, x0, (u0, u1, length), values)
         channels = _channels(made, p, drive)[:, places]
         own_rank = rank[:, places]
         rows = np.arange(len(zs))[:, None]
@@ -135,7 +135,7 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
         np.maximum.at(share, (rows, sample), reach)  # delayed edges cut intervals: the worst part decides
         relative = np.zeros((len(zs), len(drive.t)))
         np.maximum.at(relative, (rows, sample), _relative(local, fine))
-    q = 2.0 ** ORDER[own.stepper]
+    q = 2.0 ** STEPPERS[own.stepper].order
     factor = q / (q - 1.0)
     return [Effects(e[counts > 0] * factor, s[:-1] * factor, v[:-1]) for e, s, v in zip(error, share, relative, strict=True)]
 
@@ -159,7 +159,7 @@ def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str
     x, rows = tight.states.T, {k: v[None] for k, v in p.items()}
     rank, _, u0, u1, length = (a[0] for a in _grid(made, rows, drive))
     values = tuple(np.broadcast_to(p[n], (len(length), *p[n].shape)) for n in own.vector.parameters)
-    step, middle, half = STEPPERS[own.stepper], 0.5 * (u0 + u1), 0.5 * length
+    step, middle, half = STEPPERS[own.stepper].on_arrays, 0.5 * (u0 + u1), 0.5 * length
     with np.errstate(all="ignore"):
         begun = step(made.rates, x[:-1], u0, middle, half, values)
         local = step(made.rates, x[:-1], u0, u1, length, values) - step(made.rates, begun, middle, u1, half, values)
@@ -176,7 +176,7 @@ def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str
         squares = np.zeros((1, len(length) + 1, x.shape[1], x.shape[1]))
         np.add.at(squares[0], rank[places], np.einsum("koi,koj->kij", slopes, slopes))
         share = _reach(local[None], forwards, squares)[0]
-    q = 2.0 ** ORDER[own.stepper]
+    q = 2.0 ** STEPPERS[own.stepper].order
     return Effects(error[counts > 0] * q / (q - 1.0), share * q / (q - 1.0), _relative(local[None], x[None])[0])
 
 

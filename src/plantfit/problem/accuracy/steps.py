@@ -18,7 +18,7 @@ from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
 from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import ADAPTIVE, Drive, Simulator
-from plantfit.simulate.steps.steppers import ORDER
+from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.sobol import Sobol
 
 COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
@@ -113,7 +113,7 @@ def _can_adapt(problem: Problem) -> bool:
 def _many(problem: Problem, error: float, small: float) -> bool:
     """Whether adaptive steps can be had, and this error tells by its order that more than 16 equal ones a sample were needed."""
     simulator = problem.predictor.stepping()
-    more = (error / small) ** (1.0 / ORDER[simulator.stepper])
+    more = (error / small) ** (1.0 / STEPPERS[simulator.stepper].order)
     return _can_adapt(problem) and _dense(problem) and not simulator.substeps * more <= LONG
 
 
@@ -261,7 +261,7 @@ def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
     """Estimated step error of every scaled residual (m,) at a cube point: residuals at these steps minus those at half of them,
     times q / (q - 1) with q = 2 ** order."""
     simulator = problem.predictor.stepping()
-    q = 2.0 ** ORDER[simulator.stepper]
+    q = 2.0 ** STEPPERS[simulator.stepper].order
     fine = problem.with_simulator(simulator.refined(2))
     return (_residuals(problem, z) - residuals_alone(fine, z)) * q / (q - 1.0)
 
@@ -326,7 +326,7 @@ def _slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], side
     values = np.array(problem.space.physical(z))
     width = DELAY_SHARE * (problem.space.upper - problem.space.lower)[list(places)]
     simulator = problem.predictor.stepping()
-    q = 2.0 ** ORDER[simulator.stepper]
+    q = 2.0 ** STEPPERS[simulator.stepper].order
     fine = problem.with_simulator(simulator.refined(2))
 
     def slope(steps: Problem, side: float) -> np.ndarray:

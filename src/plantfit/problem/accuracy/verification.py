@@ -38,7 +38,7 @@ class Verified:
 
 
 def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> list[Verified]:
-    """Compare with solvers of scipy (rtol 1e-9, see `simulate.tight`) over the whole of every recording at a cube point (d,).
+    """Compare with solvers of scipy (rtol 1e-9, see `simulate.check.tight`) over the whole of every recording at a cube point (d,).
 
     Static and steady records have no steps and are left out.
 

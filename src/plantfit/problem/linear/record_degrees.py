@@ -2,8 +2,8 @@
 
 Steppers keep what is affine. Let S be coordinates and D the states that depend on them. Where every rate is affine in S and D
 jointly, the Jacobian of the states is block triangular: its blocks within D and outside of D are free of S, and the block that
-leads into D is affine in S. Every rational or exponential function of it, as the steps of `simulate.steppers` and
-`simulate.linear` are, has the same form, so that states after a step are affine in S where those before it are. The rules of
+leads into D is affine in S. Every rational or exponential function of it, as the steps of `simulate.steps.steppers` and
+`simulate.steps.linear` are, has the same form, so that states after a step are affine in S where those before it are. The rules of
 `degree_rules`, applied to rates with the degrees of the states put in, say just that.
 """
 

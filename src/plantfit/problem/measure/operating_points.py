@@ -58,7 +58,7 @@ def _held_on(experiment: Experiment, n: int, most: int) -> Experiment:
 def hat_weights(table: Table, points: Mapping[str, np.ndarray]) -> np.ndarray:
     """Weight (n, *shape) of every entry at every operating point (n,); those of one point add up to 1.
 
-    The value that a table gives is the sum of its entries by these weights (`models.tables.lookup`, eq. 3). A point that is
+    The value that a table gives is the sum of its entries by these weights (`models.parts.tables.lookup`, eq. 3). A point that is
     not finite has no weight.
     """
     parts = [_of_axis(np.asarray(nodes), np.asarray(points[signal])) for signal, nodes in zip(table.over, table.nodes, strict=True)]

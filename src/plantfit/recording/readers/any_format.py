@@ -10,14 +10,14 @@ import numpy as np
 
 from plantfit.errors import PlantfitError, RecordingError
 from plantfit.plugins import Plugin, offered
-from plantfit.recording.readers.arrays import array_table, mat_table, npz_table, read_mat, read_npz
 from plantfit.recording.readers.assemble import assemble
 from plantfit.recording.readers.columns import Table
 from plantfit.recording.readers.files import existing
+from plantfit.recording.readers.formats.arrays import array_table, mat_table, npz_table, read_mat, read_npz
+from plantfit.recording.readers.formats.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
+from plantfit.recording.readers.formats.text.csv import csv_table, read_csv
 from plantfit.recording.readers.memory import free_memory, memory_needed
 from plantfit.recording.readers.panics import unheard
-from plantfit.recording.readers.tables import parquet_table, read_parquet, read_xlsx, xlsx_table
-from plantfit.recording.readers.text.csv import csv_table, read_csv
 from plantfit.recording.record import Recording
 
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc", ".log")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.report.case_page import write_case_page
-from plantfit.report.figures.excitation import waveform_figure
+from plantfit.report.figures.pages.excitation import waveform_figure
 
 Record = Mapping[str, Any]
 COLUMNS = ("parameter", "value", "standard error now", "with this record too", "of this record alone", "largest over the plants")

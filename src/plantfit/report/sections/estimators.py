@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from plantfit.report.figures.constants import constants_figure
+from plantfit.report.figures.pages.constants import constants_figure
 from plantfit.report.numbers import interval, significant, unit_label
 
 MOST_DRAWN = 24  # parameters in a figure

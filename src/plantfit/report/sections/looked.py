@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.report.figures.comparison.models import overlay_figure
-from plantfit.report.figures.look import bode_figure, step_figure
+from plantfit.report.figures.pages.look import bode_figure, step_figure
 from plantfit.report.figures.residuals import stem_figure
 from plantfit.report.numbers import significant, unit_label
 

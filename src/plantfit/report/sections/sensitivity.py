@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from plantfit.report.figures.sensitivity import sensitivity_figure
+from plantfit.report.figures.pages.sensitivity import sensitivity_figure
 from plantfit.report.numbers import significant
 from plantfit.trust.sensitivity.screening import Screening
 from plantfit.trust.sensitivity.sobol_indices import SobolIndices

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from plantfit.errors import RecordingError
-from plantfit.recording.readers.text.csv import LOG_MARK
+from plantfit.recording.readers.formats.text.csv import LOG_MARK
 
 SYNC_SECONDS = 0.5
 

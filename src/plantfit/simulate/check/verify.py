@@ -9,7 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow, simulated
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.steps.steppers import ORDER
+from plantfit.simulate.steps.registry import STEPPERS
 
 import jax
 
@@ -62,7 +62,7 @@ def by_doubling(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> Ste
 
 def doubling_error(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:
     """Estimated error (N,) of each output: its change when every step is halved, times q / (q - 1), q = 2 ** order."""
-    q = 2.0 ** ORDER[simulator.stepper]
+    q = 2.0 ** STEPPERS[simulator.stepper].order
     finer = simulator.refined(2)
     coarse, fine = jax.jit(simulator.outputs)(p, drive), jax.jit(finer.outputs)(p, drive)
     return {k: np.abs(np.asarray(coarse[k]) - np.asarray(fine[k])) * q / (q - 1.0) for k in coarse}

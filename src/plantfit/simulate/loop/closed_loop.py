@@ -40,7 +40,7 @@ class ClosedLoop:
 
     @property
     def stepper(self) -> str:
-        """What moves the plant on: "exact", or a stepper of `simulate.steppers`."""
+        """What moves the plant on: "exact", or a stepper of `simulate.steps.registry`."""
         return self.parts.plant.stepper
 
     def simulate(self, controller: Any, plant: Mapping[str, Any], reference: Any, **given: Unpack[Given]) -> Trajectory:

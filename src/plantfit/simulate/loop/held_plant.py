@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.dead_time import DeadTimes, Piece
 from plantfit.simulate.steps.linear import ExactStep, advance, exact_maps
-from plantfit.simulate.steps.steppers import STEPPERS
+from plantfit.simulate.steps.registry import EXACT, FIXED, STEPPERS
 from plantfit.simulate.steps.structure import is_linear
 from plantfit.simulate.steps.vector import VectorModel
 
@@ -18,7 +18,6 @@ import jax.numpy as jnp
 from jax import lax
 from jax.core import Tracer
 
-EXACT = "exact"
 WHOLE = (Piece(0.0, 1.0, {}),)  # a period of a plant without dead time
 
 
@@ -95,7 +94,7 @@ class HeldPlant:
         return exact
 
     def _stepped(self, p) -> Callable:
-        step, varying = STEPPERS[self.stepper], self.vector.uses_time
+        step, varying = STEPPERS[self.stepper].step, self.vector.uses_time
 
         def stepped(x, u, row, t, seconds, late):
             h = seconds / self.substeps
@@ -116,8 +115,8 @@ def _maps(vector: VectorModel, p: tuple[Any, ...], lengths: Any) -> ExactStep:
 
 def chosen_stepper(vector: VectorModel, stepper: str, dead: DeadTimes | None = None) -> str:
     """The stepper itself, or what "auto" means for this plant; raises SimulationError where it cannot work."""
-    if stepper not in ("auto", EXACT, *STEPPERS):
-        raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {['auto', EXACT, *sorted(STEPPERS)]}.")
+    if stepper not in ("auto", EXACT, *FIXED):
+        raise SimulationError(f"Stepper {stepper!r} is unknown; use one of {['auto', EXACT, *sorted(FIXED)]}.")
     if stepper not in ("auto", EXACT):
         return stepper
     moving = dead is not None and not dead.fixed

@@ -99,6 +99,5 @@ def _one(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 Step = Callable[[Rates, np.ndarray, np.ndarray, np.ndarray, np.ndarray, Any], np.ndarray]
-STEPPERS: dict[str, Step] = {"exponential": exponential, "rosenbrock": rosenbrock, "rk4": rk4}
 
-__all__ = ["STEPPERS", "Rates", "propagator"]
+__all__ = ["Rates", "Step", "propagator"]

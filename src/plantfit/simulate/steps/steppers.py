@@ -3,7 +3,7 @@
 Every stepper has the signature `step(rate, x, u0, u1, h, p, varying, pattern) -> x` where `u0`, `u1`
 are the inputs at both ends of the step (linear between), `h` its length in seconds, possibly 0,
 `varying` tells whether any input changes inside a step and `pattern` which entries of the Jacobian
-can differ from zero (None: all).
+can differ from zero (None: all). `registry.py` lists them.
 """
 
 import math
@@ -135,11 +135,6 @@ def rk4(rate, x, u0, u1, h, p, varying, pattern=None):
     k3 = rate(moved(k2, 0.5), middle, p)
     k4 = rate(moved(k3, 1.0), end, p)
     return tuple(a + h / 6.0 * (b + 2.0 * c + 2.0 * d + e) for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True))
-
-
-STEPPERS = {"exponential": exponential, "rosenbrock": rosenbrock, "rk4": rk4}
-# exact: any number, halving changes nothing; adaptive: by twice the fineness the error falls to a quarter
-ORDER = {"exponential": 2, "rosenbrock": 2, "rk4": 4, "exact": 4, "adaptive": 2}
 
 
 def factored(m):

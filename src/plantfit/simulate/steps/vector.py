@@ -37,7 +37,7 @@ class VectorModel:
     output: Callable[[Scalars, Scalars, Scalars], Scalars]
     uses_time: bool  # whether anything that moves the states reads t: rates, events, friction, play
     rate_uses_time: bool
-    timed_events: bool  # whether the moment of an event depends on time alone (see `simulate.times`)
+    timed_events: bool  # whether the moment of an event depends on time alone (see `simulate.steps.times`)
     pattern: tuple[tuple[bool, ...], ...]  # [i][j]: whether the rate of state i depends on state j
 
 

@@ -2,8 +2,10 @@
 
 import os
 import re
+import shlex
 from urllib.parse import quote, quote_plus, unquote, unquote_plus
 
+STORE, VARIABLE = "plantfit.db", "PLANTFIT_STORE"  # where studies are kept unless the environment or --store says otherwise
 MASK = "***"
 _USER = re.compile(r"([A-Za-z][\w+.-]*://[^\s/?#:@'\"]*):([^\s'\"]*)@")  # to the last @: a password may hold one that is not escaped
 _KEY = r"(?:ssl)?(?:password|passwd|passphrase|pwd)"
@@ -15,6 +17,11 @@ def shown(place: str | os.PathLike[str]) -> str:
     """A store address without its passwords; a file name as it is."""
     text = os.fspath(place)
     return _masked_url(text) if "://" in text else text
+
+
+def store_option(place: str | os.PathLike[str]) -> str:
+    """What a command that a message shows needs to reach the store: " --store PLACE", nothing for the usual place."""
+    return "" if os.fspath(place) == STORE else f" --store {shlex.quote(shown(place))}"
 
 
 def concealed(text: str, *places: str | os.PathLike[str]) -> str:

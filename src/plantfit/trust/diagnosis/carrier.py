@@ -16,6 +16,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.space import Parameter
+from plantfit.trust.diagnosis.candidates import Inside, candidates
 from plantfit.trust.diagnosis.meter import Meter
 
 WIDE = 50.0  # bounds of an effect inside the plant, in sizes that would be seen at once
@@ -72,14 +73,13 @@ class Carrier:
         many = len(problem.experiments) > 1
         bounds = {k: {s: (-1.0, 1.0) for s in states} for k, states in kinds.items() if states}
         changes: dict[str, Parameter] = dict(problem.space.parameters)
-        creeps = {}
+        creeps, inside_the_plant = {}, candidates(Inside)
         for kind, states in kinds.items():
             for s in states:
                 spread, rate = sizes[s]
-                size = {"coulomb": rate, "quadratic": rate / max(spread, 1e-300) ** 2, "start": spread}[kind]
-                wide = WIDE * size
+                wide = WIDE * inside_the_plant[kind].size(spread, rate)
                 bounds[kind][s] = (-wide, wide)
-                changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and kind == "start")
+                changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and inside_the_plant[kind].per_recording)
                 if kind == "coulomb":
                     creeps[s] = float(f"{CREEP / sharp * spread:.2g}")
                     changes[f"creep_{s}"] = Parameter(value=creeps[s])

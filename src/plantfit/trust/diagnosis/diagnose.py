@@ -371,8 +371,7 @@ def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use:
 
 def _price(e: Extension) -> int:
     """Simulations with derivatives that a first try of an addition takes at most."""
-    differenced = e.place != "inside" and e.kind not in ("offset", "drift", "sensor_high", "sensor_low")
-    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + differenced)
+    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
 
 
 def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
@@ -419,7 +418,7 @@ def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]]
 
 def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
     """Whether the value of an addition that is nothing at zero is known to be something."""
-    if t.extension.kind in ("saturation", "sensor_high", "sensor_low") or t.value is None or t.standard_error is None:
+    if t.extension.candidate.level or t.value is None or t.standard_error is None:
         return True
     if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
         return True  # a value for each recording

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.linalg import solve_banded
 
+Shown = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # an output (n,), its derivatives (n, d), that by the value of the addition (n,)
+
 
 def late(t: np.ndarray, u: np.ndarray, delay: float, held: bool) -> np.ndarray:
     """u(t - delay) (n,) of an input; of a held one its mean over each interval between samples, so that its integral is exact."""
@@ -55,3 +57,33 @@ def played(u: np.ndarray, gap: float) -> np.ndarray:
         last = min(max(last, v - gap), v + gap)
         z[k] = last
     return z
+
+
+def sensor_lag(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, tau: float, scale: float) -> Shown:
+    """The output behind a lag of first order; the derivative by tau is left to differences."""
+    both = behind(t, np.column_stack([y, slopes]), max(tau, 1e-12))
+    return both[:, 0], both[:, 1:], None
+
+
+def offset(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, size: float, scale: float) -> Shown:
+    """The output and a constant."""
+    return y + size / scale, slopes, np.full(len(y), 1.0 / scale)
+
+
+def drift(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, rate: float, scale: float) -> Shown:
+    """The output and a straight line in time, zero at t = 0."""
+    return y + rate * t / scale, slopes, t / scale
+
+
+def sensor_high(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, level: float, scale: float) -> Shown:
+    """No more than the level."""
+    return _ended(y, slopes, y > level / scale, level, scale)
+
+
+def sensor_low(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, level: float, scale: float) -> Shown:
+    """No less than the level."""
+    return _ended(y, slopes, y < level / scale, level, scale)
+
+
+def _ended(y: np.ndarray, slopes: np.ndarray, beyond: np.ndarray, level: float, scale: float) -> Shown:
+    return np.where(beyond, level / scale, y), np.where(beyond[:, None], 0.0, slopes), np.where(beyond, 1.0 / scale, 0.0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plantfit.trust.diagnosis import effects
+from plantfit.trust.diagnosis.candidates import Before, Behind, Law
 from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension
 
@@ -75,53 +75,34 @@ def evaluate(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, th
     predicted, jacobian = carrier.at(x, _inputs(carrier, additions, theta))
     jacobian = np.hstack([jacobian, np.zeros((len(predicted), len(additions)))])
     for k, a in enumerate(additions):
-        if a.place == "behind":
-            predicted, jacobian = _behind(carrier, a, k, float(theta[k]), predicted, jacobian)
+        if isinstance(a.candidate, Behind):
+            column = len(carrier.names) + k
+            predicted, jacobian = _behind(carrier, a.signal, a.candidate.law, column, float(theta[k]), predicted, jacobian)
     weight = rows.weight
     return (predicted - rows.measured) * weight, jacobian * weight[:, None]
 
 
 def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict | None:
-    own = [(k, a) for k, a in enumerate(additions) if a.place == "before"]
+    own = [(k, a.signal, a.candidate.law) for k, a in enumerate(additions) if isinstance(a.candidate, Before)]
     if not own:
         return None
     held = carrier.problem.predictor.stepping().interpolated
     made: dict[str, dict[str, np.ndarray]] = {}
     for name, e in carrier.problem.experiments.items():
         t, inputs = e.recording.t, dict(carrier.inputs[name])
-        for k, a in own:
-            u, v, is_held = inputs[a.signal], float(theta[k]), a.signal not in held
-            inputs[a.signal] = {
-                "dead_time": lambda t=t, u=u, v=v, h=is_held: effects.late(t, u, v, h),
-                "lag": lambda t=t, u=u, v=v, h=is_held: effects.lagged(t, u, max(v, 1e-12), h),
-                "dead_zone": lambda u=u, v=v: effects.dead_zone(u, v),
-                "saturation": lambda u=u, v=v: np.clip(u, -v, v),
-                "backlash": lambda u=u, v=v: effects.played(u, v),
-            }[a.kind]()
+        for k, u, law in own:
+            inputs[u] = law(t, inputs[u], float(theta[k]), u not in held)
         made[name] = inputs
     return made
 
 
-def _behind(carrier: Carrier, a: Extension, k: int, v: float, predicted: np.ndarray, jacobian: np.ndarray):
-    predicted, jacobian, scale = predicted.copy(), jacobian.copy(), carrier.given.scales[a.signal]
+def _behind(carrier: Carrier, y: str, law: Law, column: int, value: float, predicted: np.ndarray, jacobian: np.ndarray):
+    predicted, jacobian = predicted.copy(), jacobian.copy()
     for name, e in carrier.problem.experiments.items():
-        at = carrier.rows.part(name, a.signal)
-        t, column = e.recording.t, len(carrier.names) + k
-        if a.kind == "offset":
-            predicted[at] += v / scale
-            jacobian[at, column] = 1.0 / scale
-        elif a.kind == "drift":
-            predicted[at] += v * t / scale
-            jacobian[at, column] = t / scale
-        elif a.kind == "sensor_lag":
-            both = effects.behind(t, np.column_stack([predicted[at], jacobian[at]]), max(v, 1e-12))
-            predicted[at], jacobian[at] = both[:, 0], both[:, 1:]
-        else:
-            level = v / scale
-            beyond = predicted[at] > level if a.kind == "sensor_high" else predicted[at] < level
-            predicted[at[beyond]] = level
-            jacobian[at[beyond]] = 0.0
-            jacobian[at[beyond], column] = 1.0 / scale
+        at = carrier.rows.part(name, y)
+        predicted[at], jacobian[at], slope = law(e.recording.t, predicted[at], jacobian[at], value, carrier.given.scales[y])
+        if slope is not None:
+            jacobian[at, column] = slope
     return predicted, jacobian
 
 
@@ -145,7 +126,7 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
     def whole(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, jacobian = evaluate(carrier, additions, point[:n], point[n:])
         for k, a in enumerate(additions):
-            if a.place == "inside" or a.kind in ("offset", "drift", "sensor_high", "sensor_low"):
+            if not a.candidate.differenced:
                 continue
             size = STEP * max(abs(point[n + k]), 1e-3 * min(a.high - a.low, 1e300))
             size = -size if point[n + k] + size > a.high else size

@@ -13,22 +13,6 @@ from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_u
 
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
-_PHRASES = {
-    "dead_time": "a dead time of {} on {}",
-    "lag": "a further lag of {} on {}",
-    "dead_zone": "a dead zone of {} to each side on {}",
-    "saturation": "a saturation at {} of {}",
-    "backlash": "backlash of {} to each side on {}",
-    "sensor_lag": "a sensor lag of {} on {}",
-    "offset": "an offset of {} on {}",
-    "drift": "a drift of {} on {}",
-    "sensor_high": "an upper end at {} of the sensor of {}",
-    "sensor_low": "a lower end at {} of the sensor of {}",
-    "coulomb": "dry friction of {} on {}",
-    "quadratic": "a drag by the square of {} on {}",
-    "start": "an initial value that is {} off, of {},",
-}
-
 
 def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]:
     """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines.
@@ -184,7 +168,7 @@ def _shown(t: Trial) -> str:
 
 
 def _phrase(t: Trial) -> str:
-    return _PHRASES[t.extension.kind].format(_value(t), t.extension.signal)
+    return t.extension.candidate.phrase.format(_value(t), t.extension.signal)
 
 
 def _value(t: Trial) -> str:

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis, Trial
-
-SIGNED = ("offset", "drift", "start")
-ROOM = 5.0  # times a value, where its bounds go
+from plantfit.trust.diagnosis.ranges import rounded
 
 
 @dataclass(frozen=True)
@@ -34,26 +32,10 @@ def changed(diagnosis: Diagnosis) -> list[Change]:
 def change_of(diagnosis: Diagnosis, trial: Trial) -> Change:
     """The change that one trial proposes."""
     e, value = trial.extension, float(trial.value or 0.0)
-    low, high = _bounds(e, value)
+    low, high = e.candidate.bounds(e.low, e.high, value)
     inside = diagnosis.carrier.creeps.get(e.signal) if e.kind == "coulomb" else None
-    several = e.kind == "start" and len(diagnosis.carrier.given.experiments) > 1
-    return Change(e.kind, e.signal, e.parameter, (low, high), min(max(_round(value), low), high), inside, several)
-
-
-def _bounds(e: Extension, value: float) -> tuple[float, float]:
-    size = ROOM * abs(value) or 1.0
-    if e.kind in SIGNED:
-        return -_round(size), _round(size)
-    if e.kind in ("lag", "sensor_lag"):
-        return _round(value / 20.0), _round(20.0 * value)
-    if e.kind in ("sensor_high", "sensor_low", "saturation"):
-        room = 0.01 * (e.high - e.low)
-        return _round(e.low - (room if e.kind != "saturation" else 0.0)), _round(e.high + room)
-    return 0.0, _round(min(size, e.high) if e.kind != "dead_time" else size)
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.4g}")
+    several = isinstance(e.candidate, Inside) and e.candidate.per_recording and len(diagnosis.carrier.given.experiments) > 1
+    return Change(e.kind, e.signal, e.parameter, (low, high), min(max(rounded(value), low), high), inside, several)
 
 
 def addition_lines(changes: Sequence[Change]) -> list[str]:

@@ -16,7 +16,7 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steps.dependencies import dependencies
 from plantfit.simulate.steps.grid import Pieces
-from plantfit.simulate.steps.steppers import ORDER
+from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.simulate.steps.vector import placeholders
 
 import jax
@@ -182,7 +182,7 @@ class TrialRecord:
         while True:
             twice = simulator.refined(2)
             coarse, fine = (jax.jit(predictor.with_simulator(s).outputs) for s in (simulator, twice))
-            error = max(_step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), ORDER.get(simulator.stepper)) for u in trials)
+            error = max(_step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), STEPPERS[simulator.stepper].order) for u in trials)
             if error <= EXACT or twice.substeps > FINEST:
                 return self._with(simulator)
             simulator = twice

@@ -17,7 +17,7 @@ from plantfit.trust.intervals.ranges import Linear, linear_problem, plain_space
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
-OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determined (see parameters._status)
+OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determined (see `trust.intervals.parameter_rows`)
 
 
 @dataclass(frozen=True)

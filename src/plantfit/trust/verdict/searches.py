@@ -12,7 +12,7 @@ UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up 
 
 
 def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[Sentence]:
-    """One sentence from the bookkeeping of `optimize.basins.Basins`; none for methods without local searches.
+    """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
     costs far above the best are in no valley with it, whatever is open at the answer.

@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from plantfit.study.store.addresses import STORE, VARIABLE
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")]
 
 
@@ -91,7 +93,7 @@ def track(
     like: Annotated[
         str | None, typer.Option("--like", help="The recording of the study whose columns it has; the first if left out.")
     ] = None,
-    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     workers: Annotated[str | None, typer.Option("--workers", help="Worker processes, if the study has to be fitted first.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite --out if it is there.")] = False,
     json: Json = False,

@@ -101,7 +101,7 @@ def _preview(made: Any, name: str, place: str) -> Path:
     from plantfit.recording.clean.sampling import period_of
     from plantfit.recording.excitation import amplitude_spectrum
     from plantfit.report.case_page import write_case_page
-    from plantfit.report.figures.excitation import spectrum_figure, waveform_figure
+    from plantfit.report.figures.pages.excitation import spectrum_figure, waveform_figure
 
     unit = made.signals[name].unit
     f, a = amplitude_spectrum(made[name], 1 / period_of(made))

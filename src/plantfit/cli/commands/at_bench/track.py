@@ -164,7 +164,7 @@ class _Standard:
 
 
 def _grown(source: Any, read: Callable[[Path], Any], name: str, wait: float | None, stop: Callable[[], bool]) -> Iterator[Any]:
-    from plantfit.recording.readers.text.growing import GrowingTable
+    from plantfit.recording.readers.formats.text.growing import GrowingTable
 
     table, came = GrowingTable(source, read, Path(name).stem or "recording"), time.monotonic()
     while not stop():

@@ -243,12 +243,13 @@ def _checked(text: str, target: Path) -> None:
 def _compared(files: list[Path], json: bool) -> None:
     """What `plantfit compare` says of the candidates."""
     from plantfit.cli.commands.comparing.models import compare_models
+    from plantfit.study.store.addresses import STORE, VARIABLE
 
     given = [str(f) for f in files]
     if not json:
         out.print(f"Written: {', '.join(given)}\nComparing them: plantfit compare {' '.join(given)}", markup=False)
     page = str(files[0].with_name(files[0].stem.removesuffix("-first") + "-candidates.html"))
-    compare_models(given, given, os.environ.get("PLANTFIT_STORE", "plantfit.db"), page, True, None, json)
+    compare_models(given, given, os.environ.get(VARIABLE, STORE), page, True, None, json)
 
 
 def _record(target: str, links: list[Link], found: "Description", roles: "Roles") -> dict[str, Any]:

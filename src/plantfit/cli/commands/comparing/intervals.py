@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from plantfit.study.store.addresses import STORE, VARIABLE
+
 
 def intervals(
     given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
@@ -23,7 +25,7 @@ def intervals(
     seed: Annotated[int, typer.Option("--seed", help="Same seed, same numbers.")] = 1,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-intervals.html if left out.")] = None,
     save_draws: Annotated[str | None, typer.Option("--save-draws", help="Also write the posterior's draws, as netCDF.")] = None,
-    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     workers: Annotated[str | None, typer.Option("--workers", help="Worker processes, if the study has to be fitted first.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:

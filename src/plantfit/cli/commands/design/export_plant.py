@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from plantfit.errors import SpecError
+from plantfit.study.store.addresses import STORE, VARIABLE
 
 
 def export(
@@ -24,7 +25,7 @@ def export(
     ] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Without --to: the study as Parquet.")] = False,
     out: Annotated[str | None, typer.Option("--out", "-o", help="With --to the folder, else the file to write.")] = None,
-    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
 ) -> None:
     """Write the plant of a finished study for another program (--to); without --to the study itself, as `export-study` does."""
     if to is None:

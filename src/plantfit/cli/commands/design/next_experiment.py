@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from plantfit.study.store.addresses import STORE, VARIABLE
+
 if TYPE_CHECKING:
     from plantfit.experiment_design import ExperimentDesign
 
@@ -37,7 +39,7 @@ def design(
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the input goes; NAME-next.csv if left out.")] = None,
     page: Annotated[str | None, typer.Option("--page", help="Where the page goes; beside the input if left out.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the CSV file if it is there.")] = False,
-    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
     """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for `record`, and a page."""

@@ -5,6 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
+from plantfit.study.store.addresses import STORE, VARIABLE
+
 
 def tune(
     spec: Annotated[str, typer.Argument(help="The study file (TOML) of a finished study; its [control] table says what is wanted.")],
@@ -29,7 +31,7 @@ def tune(
     study: Annotated[int | None, typer.Option("--study", help="Number of the study; the newest of that name if left out.")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the page goes; NAME-tune.html if left out.")] = None,
     c: Annotated[str | None, typer.Option("--c", help="Folder for NAME_pid.c and NAME_pid.h; that of the page if left out.")] = None,
-    store: Annotated[str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database.")] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
     """A PID from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""

@@ -38,9 +38,9 @@ def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) ->
 def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
     """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was another problem."""
     from plantfit.study import Store
-    from plantfit.study.store.addresses import shown
+    from plantfit.study.store.addresses import shown, store_option
 
-    where = "" if store == "plantfit.db" else f" --store {store}"
+    where = store_option(store)
     try:
         opened = Store.open(store, create=False)
     except StoreError as error:

@@ -16,9 +16,9 @@ from plantfit.recording.readers.assemble import Options, assemble
 from plantfit.recording.readers.clock import looks_like_time
 from plantfit.recording.readers.columns import Table, named_columns
 from plantfit.recording.readers.files import decoded, existing, read_bytes
+from plantfit.recording.readers.formats.text.header import above_the_table, headings, is_header, unique, unit_row
+from plantfit.recording.readers.formats.text.plain_text import ENOUGH, head_of, plain_frame
 from plantfit.recording.readers.numbers import is_missing, is_number
-from plantfit.recording.readers.text.header import above_the_table, headings, is_header, unique, unit_row
-from plantfit.recording.readers.text.plain_text import ENOUGH, head_of, plain_frame
 from plantfit.recording.record import Recording
 
 COMMENTS = ("#", "%", "//")

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from plantfit.recording.readers.formats.text.header import headings
 from plantfit.recording.readers.numbers import is_missing, is_number
-from plantfit.recording.readers.text.header import headings
 
 SHORTEST = 1 << 20  # bytes of a file for which a second way is worth its while
 HEAD = 1 << 16  # bytes that are looked at line by line

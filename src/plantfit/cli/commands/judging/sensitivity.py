@@ -9,6 +9,7 @@ from plantfit.cli.arguments.values import values_at
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line
 from plantfit.errors import SearchError, SpaceError
+from plantfit.study.store.addresses import STORE, VARIABLE
 
 METHODS = ("morris", "sobol")
 
@@ -35,9 +36,7 @@ def sensitivity(
         int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")
     ] = None,
     page: Annotated[str | None, typer.Option("--out", "-o", help="Also write a page with the table and a figure.")] = None,
-    store: Annotated[
-        str, typer.Option("--store", envvar="PLANTFIT_STORE", help="Study database: a file, or a SQLAlchemy URL.")
-    ] = "plantfit.db",
+    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database: a file, or a SQLAlchemy URL.")] = STORE,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")] = False,
 ) -> None:
     """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""

@@ -12,7 +12,7 @@ from plantfit.recording.readers.assemble import Options, assemble
 from plantfit.recording.readers.clock import is_time_name
 from plantfit.recording.readers.columns import Column, Table, cells_of, named_columns
 from plantfit.recording.readers.files import existing
-from plantfit.recording.readers.text.header import above_the_table, headings, is_header, unique, unit_row
+from plantfit.recording.readers.formats.text.header import above_the_table, headings, is_header, unique, unit_row
 from plantfit.recording.readers.tried import check
 from plantfit.recording.record import Recording
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.recording.readers.text.csv import csv_table
+from plantfit.recording.readers.formats.text.csv import csv_table
 from plantfit.recording.record import Recording
 
 CONTEXT = 30  # rows that are read again with new ones, so that header, decimal marks and the kind of time are found alike

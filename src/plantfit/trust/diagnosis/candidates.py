@@ -1,0 +1,137 @@
+"""What may be missing in a model, one row for each kind: what it is called, where it is tried, what it does, how the study file bounds it.
+
+A new kind is its law in `models/extensions/` with a row in `KINDS` there, the same law on samples in `effects.py`, and a row here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, TypeVar
+
+import numpy as np
+
+from plantfit import units
+from plantfit.trust.diagnosis import effects, ranges
+from plantfit.trust.diagnosis.ranges import Seen, Tried, joined
+
+Law = Callable[[np.ndarray, np.ndarray, np.ndarray, float, float], effects.Shown]  # of `Behind`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A kind of addition. `name` takes the signal, as in "dead time of u", with `article` before it; `phrase` takes value and signal.
+
+    `bounds` gives those of the study file from the range that was tried (low, high) and the value found. A `level` is not nothing at zero.
+    """
+
+    article: str = "a"
+    name: str
+    phrase: str
+    bounds: Callable[[float, float, float], tuple[float, float]]
+    level: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Before(Candidate):
+    """It changes a recorded input: `law(t, u, value, held)` gives the input (n,) that the plant gets instead of u (n,) at t (n,) s."""
+
+    place: ClassVar = "before"
+    linear: ClassVar = False
+    differenced: ClassVar = True
+    tried: Callable[[Seen], Tried | None]
+    law: Callable[[np.ndarray, np.ndarray, float, bool], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inside(Candidate):
+    """It is a parameter of the compiled model, small effects of which are a straight line.
+
+    `unit` is made of that of the state. `low` bounds it. `size(spread, rate)` of the state is one that would be seen at once. It is tried
+    on speeds only (`of_speeds`), and may differ between recordings (`per_recording`).
+    """
+
+    place: ClassVar = "inside"
+    linear: ClassVar = True
+    differenced: ClassVar = False
+    unit: Callable[[str | None], str | None]
+    low: float
+    size: Callable[[float, float], float]
+    of_speeds: bool = False
+    per_recording: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Behind(Candidate):
+    """It changes a simulated output: `law(t, y, slopes, value, scale)` gives y (n,) and its derivatives (n, d), both divided by `scale`, as
+    the sensor shows them, and the derivative by the value (n,); None where that is `differenced`. `linear`: y is a straight line of it."""
+
+    place: ClassVar = "behind"
+    tried: Callable[[Seen], Tried | None]
+    law: Law
+    linear: bool = False
+    differenced: bool = False
+
+
+CANDIDATES: dict[str, Before | Inside | Behind] = {
+    "dead_time": Before(
+        name="dead time of {}", phrase="a dead time of {} on {}", tried=ranges.delay, bounds=ranges.up,
+        law=effects.late,
+    ),
+    "lag": Before(
+        name="further lag of {}", phrase="a further lag of {} on {}", tried=ranges.lag, bounds=ranges.by_a_factor,
+        law=lambda t, u, value, held: effects.lagged(t, u, max(value, 1e-12), held),
+    ),
+    "dead_zone": Before(
+        name="dead zone of {}", phrase="a dead zone of {} to each side on {}", tried=ranges.zone, bounds=ranges.up_to_the_range,
+        law=lambda t, u, value, held: effects.dead_zone(u, value),
+    ),
+    "saturation": Before(
+        name="saturation of {}", phrase="a saturation at {} of {}", tried=ranges.limit, bounds=ranges.the_range, level=True,
+        law=lambda t, u, value, held: np.clip(u, -value, value),
+    ),
+    "backlash": Before(
+        name="backlash of {}", phrase="backlash of {} to each side on {}", tried=ranges.gap, bounds=ranges.up_to_the_range,
+        law=lambda t, u, value, held: effects.played(u, value),
+    ),
+    "coulomb": Inside(
+        article="", name="dry friction of {}", phrase="dry friction of {} on {}", low=0.0, bounds=ranges.up_to_the_range, of_speeds=True,
+        unit=lambda unit: None if unit is None else joined(unit, "/s"), size=lambda spread, rate: rate,
+    ),
+    "quadratic": Inside(
+        article="", name="drag of {} by its square", phrase="a drag by the square of {} on {}", low=0.0, bounds=ranges.up_to_the_range,
+        of_speeds=True, unit=lambda unit: None if unit is None else f"1/s/({unit or '1'})",
+        size=lambda spread, rate: rate / max(spread, 1e-300) ** 2,
+    ),
+    "start": Inside(
+        article="another", name="initial value of {}", phrase="an initial value that is {} off, of {},", low=-np.inf,
+        bounds=ranges.both_signs, unit=units.difference_of, size=lambda spread, rate: spread, per_recording=True,
+    ),
+    "sensor_lag": Behind(
+        name="sensor lag of {}", phrase="a sensor lag of {} on {}", tried=ranges.lag, bounds=ranges.by_a_factor,
+        law=effects.sensor_lag, differenced=True,
+    ),
+    "offset": Behind(
+        article="an", name="offset of {}", phrase="an offset of {} on {}", tried=ranges.shift, bounds=ranges.both_signs,
+        law=effects.offset, linear=True,
+    ),
+    "drift": Behind(
+        name="drift of {}", phrase="a drift of {} on {}", tried=ranges.slope, bounds=ranges.both_signs,
+        law=effects.drift, linear=True,
+    ),
+    "sensor_high": Behind(
+        article="an", name="upper end of the sensor of {}", phrase="an upper end at {} of the sensor of {}", tried=ranges.upper_end,
+        bounds=ranges.around_the_range, level=True, law=effects.sensor_high,
+    ),
+    "sensor_low": Behind(
+        name="lower end of the sensor of {}", phrase="a lower end at {} of the sensor of {}", tried=ranges.lower_end,
+        bounds=ranges.around_the_range, level=True, law=effects.sensor_low,
+    ),
+}  # fmt: skip
+"""In the order in which additions that explain alike are named."""
+
+
+Place = TypeVar("Place", Before, Inside, Behind)
+
+
+def candidates(place: type[Place]) -> dict[str, Place]:
+    """The rows of one place: Before, Inside or Behind."""
+    return {kind: c for kind, c in CANDIDATES.items() if isinstance(c, place)}

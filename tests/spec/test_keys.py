@@ -1,0 +1,49 @@
+"""A misspelt key is named with the one that was meant, in every table; names of steppers are those of the table of steppers."""
+
+from pathlib import Path
+
+import pytest
+
+from plantfit.errors import SpecError
+from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.spec.tables import json_schema, validated
+
+HEAD = 'name = "s"\n[recording.a]\nfile = "x.csv"\n'
+
+
+def refused(text):
+    with pytest.raises(SpecError) as raised:
+        validated(text, Path("s.toml"))
+    return str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "meant"),
+    [
+        (f"{HEAD}[model.filter_alike]\ncutof = 5", "model.filter_alike.cutof", "cutoff"),
+        (f"{HEAD}[model.filter_alike]\ncutoff = 5\nordr = 3", "model.filter_alike.ordr", "order"),
+        (f'{HEAD}[model.tables.k]\novr = "x"\nnodes = [1]', "model.tables.k.ovr", "over"),
+        (f'{HEAD}[model.states.x]\nunt = "m"', "model.states.x.unt", "unit"),
+        (f'{HEAD}[recording.b]\nfil = "y.csv"\n[model]', "recording.b.fil", "file"),
+        (f"{HEAD}[recording.b]\nvalidat = true\n[model]", "recording.b.validat", "validate"),
+        (f"{HEAD}[modl]", "modl", "model"),
+        (f"{HEAD}[model]\n[regression]\nbnd = 3", "regression.bnd", "band"),
+        (f"{HEAD}[model]\n[parameters.a]\nbouds = [1, 2]", "parameters.a.bouds", "bounds"),
+        (f"{HEAD}[model]\n[propagation]\ndraw = 30", "propagation.draw", "draws"),
+    ],
+)
+def test_a_misspelt_key_is_named_with_the_one_that_was_meant(text, key, meant):
+    assert refused(text) == f"s.toml: key {key!r} is not known; did you mean {meant!r}?"
+
+
+def test_a_key_that_is_missing_is_asked_for():
+    assert refused(f"{HEAD}[model.filter_alike]\norder = 3") == "s.toml: key 'model.filter_alike.cutoff' is missing; add it."
+
+
+def test_steppers_of_the_study_file_are_those_of_the_table():
+    assert json_schema()["$defs"]["SimulationTable"]["properties"]["stepper"]["enum"] == list(STEPPERS)
+    *first, last = (repr(name) for name in STEPPERS)
+    said = refused(f'{HEAD}[model]\n[simulation]\nstepper = "rk5"')
+    assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: input should be {', '.join(first)} or {last}. Correct it there.")
+    for name in STEPPERS:
+        assert validated(f'{HEAD}[model]\n[simulation]\nstepper = "{name}"', Path("s.toml")).simulation.stepper == name
