@@ -281,7 +281,7 @@ class Followed:
 
 
 def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: float) -> Mapping[int, Range]:
-    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, between 15 and 60 Jacobians for each."""
+    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each."""
     d = len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
