@@ -35,6 +35,14 @@ class RecordingError(PlantfitError):
     exit_code = 3
 
 
+class ClockError(RecordingError):
+    """Times go back or stand twice; `treatment` is the line of a study file that treats it."""
+
+    def __init__(self, sentence: str, treatment: str = ""):
+        super().__init__(sentence)
+        self.treatment = treatment
+
+
 class UnitError(PlantfitError):
     """A unit does not exist or does not fit."""
 

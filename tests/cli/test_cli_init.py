@@ -6,6 +6,7 @@ import pty
 import subprocess
 import sys
 import threading
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -146,3 +147,24 @@ def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path
     said = call(capsys, monkeypatch, "init", "moves.csv", "--yes", "--out", "missing/study.toml")
     assert said.code != 0
     assert "There is no folder 'missing'" in " ".join(said.err.split())
+
+
+@pytest.mark.parametrize(
+    ("rows", "lines"),
+    [
+        ("0,1,1\n1,1,2\n1,1,2.1\n2,1,3\n3,0,2\n4,0,1\n5,1,2\n", ['duplicates = "mean"']),
+        ("0,1,1\n2,1,2\n1,1,2.1\n3,1,3\n4,0,2\n5,0,1\n6,1,2\n", ["sort = true"]),
+        ("0,1,1\n2,1,2\n1,1,2.1\n2,1,3\n3,0,2\n4,0,1\n5,1,2\n", ["sort = true", 'duplicates = "mean"']),
+    ],
+)
+def test_times_that_go_back_or_stand_twice_are_treated_in_the_file(tmp_path, capsys, monkeypatch, rows, lines):
+    (tmp_path / "a.csv").write_text("t,u,y\n" + rows)
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "init", "a.csv", "--yes")
+    assert said.code == 0, said.err
+    table = tomllib.loads((tmp_path / "a.toml").read_text())["recording"]["data"]
+    assert [f"{k} = {'true' if table[k] is True else chr(34) + table[k] + chr(34)}" for k in ("sort", "duplicates") if k in table] == lines
+    for line in lines:
+        assert f"the file says {line}" in said.out
+    checked = call(capsys, monkeypatch, "check", "a.toml")
+    assert checked.code == 0, checked.err

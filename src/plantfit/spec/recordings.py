@@ -31,7 +31,7 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
     file = (files or {}).get(r.file) or recording_file(r, path)
     given = {
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
-        "sheet": r.sheet, "sort": r.sort or None,
+        "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,
     }  # fmt: skip
     record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
     for i, step in enumerate(r.clean):

@@ -71,6 +71,7 @@ class RecordingTable(_Table):
     unmeasured: list[str] = []
     clean: list[dict[str, Any]] = []
     sort: bool = False
+    duplicates: Literal["mean", "first"] | None = None
 
 
 class StateTable(_Table):

@@ -5,7 +5,7 @@ from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
-from plantfit.errors import RecordingError, UnitError
+from plantfit.errors import ClockError, RecordingError, UnitError
 from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, close_match, identifier
 from plantfit.recording.readers.long_tables import widened
@@ -152,9 +152,10 @@ def _in_order(
     back = np.flatnonzero(steps < 0)
     if len(back) and not sort:
         row = int(back[0]) + 1
-        raise RecordingError(
-            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; "
-            "give sort=True, or cut the file there if it holds two runs."
+        raise ClockError(
+            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows (sort = true in the study file, "
+            "sort=True in Python), or cut the file there if it holds two runs.",
+            "sort = true",
         )
     if len(back):
         order = np.argsort(t, kind="stable")
@@ -166,7 +167,10 @@ def _in_order(
         return len(t), values, t, log
     if duplicates is None:
         row = int(order[same[0] + 1])
-        raise RecordingError(f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates='mean' or duplicates='first'.")
+        raise ClockError(
+            f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates = 'mean', or 'first' for the first row of each time.",
+            'duplicates = "mean"',
+        )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])
     merge = _first if duplicates == "first" else _mean
     log.append(f"{len(same)} rows of repeated time were merged ({duplicates}).")

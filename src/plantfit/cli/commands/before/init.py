@@ -4,18 +4,19 @@ import os
 import re
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, quoted, study_text
 from plantfit.cli.terminal.out import out, print_json
-from plantfit.errors import PlantfitError, RecordingError, SpecError
+from plantfit.errors import ClockError, PlantfitError, RecordingError, SpecError
 
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.roles import Role, Roles
 
+_TREATED = {"sort": "times go back", "duplicates": 'times stand twice; "first" keeps the first row of each'}
 _TOLD = {"set point": "left out", "copy": "left out", "text": "left out", "empty": "left out", "index": "left out", "constant": "left out"}
 
 
@@ -66,10 +67,13 @@ def init(
     clock = _clock(found)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
-        text = study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
-                          period * max(found.rows - 1, 1))  # fmt: skip
-        _checked(text, to)
-        to.write_text(text, encoding="utf-8")
+
+        def text(clock: str, kind: Kind = kind, to: Path = to, path: str = path) -> str:
+            return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
+                              period * max(found.rows - 1, 1))  # fmt: skip
+
+        clock = _clock_that_reads(text, clock, to, quiet=json)
+        to.write_text(text(clock), encoding="utf-8")
     if candidates:
         return _compared(list(targets.values()), json)
     if json:
@@ -227,17 +231,32 @@ def _symbol(name: str, spare: str) -> str:
     return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 
-def _checked(text: str, target: Path) -> None:
-    """The file must read back and give a problem before it is written."""
+def _clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:
+    """The line of the clock, with what treats times that go back or stand twice: the file must read back and give a problem."""
     from plantfit import spec
 
-    try:
-        spec.parse(text, target)
-    except PlantfitError as error:  # of a file that the user has not seen
-        raise RecordingError(
-            f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of its "
-            "columns, or write one by hand (docs/study-file.md)."
-        ) from error
+    for _ in range(3):
+        try:
+            spec.parse(text(clock), target)
+        except ClockError as error:
+            if not error.treatment or error.treatment in clock:
+                raise
+            clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
+            if not quiet:
+                out.print(f"{str(error).partition('; ')[0]}: the file says {error.treatment}.", markup=False)
+        except PlantfitError as error:  # of a file that the user has not seen
+            raise RecordingError(
+                f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of its "
+                "columns, or write one by hand (docs/study-file.md)."
+            ) from error
+        else:
+            break
+    return clock
+
+
+def _checked(text: str, target: Path) -> None:
+    """The file must read back and give a problem before it is written."""
+    _clock_that_reads(lambda clock: text, "", target, quiet=True)
 
 
 def _compared(files: list[Path], json: bool) -> None:
