@@ -54,8 +54,8 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
 
 
 def _play(rig: PendubotTracking, tracked: Tracked) -> float:
-    """Standard deviation of the voltage before the first move, V."""
-    return float(np.std(np.asarray(tracked.run.u["V"])[(rig.t > 0.3) & (rig.t < rig.moves[0].start)]))
+    """Standard deviation of the voltage after the last move, V."""
+    return float(np.std(np.asarray(tracked.run.u["V"])[rig.t > rig.moves[-1].end + 0.5]))
 
 
 def _tracked(rig: PendubotTracking, tracked: Tracked, constant: float) -> Figure:

@@ -56,6 +56,17 @@ def overlay_figure(recording: Recording, torques: Mapping[str, np.ndarray], zoom
     return {"data": data, "layout": _time_layout(320, "torque of joint 1 [N m]", headings)}
 
 
+def residual_figure(recording: Recording, torques: Mapping[str, np.ndarray], zoom: tuple[float, float]) -> Figure:
+    """The measured torque less that of every method, in a zoom (s)."""
+    t = recording.t
+    part, palette = (t >= zoom[0]) & (t <= zoom[1]), colours(list(torques))
+    data = []
+    for name, torque in torques.items():
+        left = (recording["tau1"] - torque)[part]
+        data.append(_line(t[part], left, name, palette[name][0], ("solid", "dash", "dot", "dashdot")[(len(data) + 1) % 4]))
+    return {"data": data, "layout": _time_layout(240, "measured less model [N m]")}
+
+
 def bars_figure(title: str, values: Mapping[str, np.ndarray]) -> Figure:
     """Figures 6 and 7: means with their 95 % intervals, mean +- 1.96 SEM."""
     return means_figure(title, {n: {"mean": float(np.mean(v)), "t_interval": normal_interval(v)} for n, v in values.items()})
