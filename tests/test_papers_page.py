@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import typer
 
+from plantfit import methods
 from plantfit.cases.shared.registry import demos
 from plantfit.cli.main import app
-from plantfit import methods
 from plantfit.models.library.catalogue import models
 from plantfit.rig.offered import names, offered
 
@@ -73,7 +73,9 @@ def test_a_command_is_one_that_there_is(command):
 @pytest.mark.parametrize(("name", "section"), [(n, s) for n, s in dict.fromkeys(SHOWN) if s])
 def test_a_section_named_in_brackets_is_on_the_page(name, section):
     folder = Path(str(files(f"plantfit.cases.{name}")))
-    titles = [t for p in folder.rglob("*.py") for t in re.findall(r"(?:\"title\": f?|title: str = )\"([^\"]+)\"", p.read_text("utf-8"))]
+    titles = [
+        t for p in folder.rglob("*.py") for t in re.findall(r"(?:\"title\": f?|title: str = |TITLE = )\"([^\"]+)\"", p.read_text("utf-8"))
+    ]
     assert any(section in t for t in titles), titles
 
 

@@ -88,6 +88,8 @@ def test_white_part_leaves_out_missing_samples():
     e[::50] = np.nan
     assert white_part(e) == pytest.approx(1.0, rel=0.06)
     assert np.isnan(white_part(np.array([1.0, 2.0])))
+
+
 def test_a_signal_with_times_of_its_own_is_tested_from_one_measurement_to_the_next():
     rng = np.random.default_rng(3)
     own = ar1(rng, 1500, 0.6)

@@ -81,8 +81,8 @@ class RobotDriveRig:
         for side, run, angle, phase, own in zip(("left", "right"), runs, turned, phases, slots, strict=True):
             pulses = capture(t, angle + 2 * np.pi * phase / self.pulses, t[at], self.pulses, own, 0.0, 1.0)
             seen |= {f"duty_{side}": (np.asarray(run.u)[at] / self._volts, "PWM"), f"N_{side}": (pulses.counts, "counts")}
-        paths = [radius * self.gear * np.diff(angle) for radius, angle in zip(self.radii, turned, strict=True)]
-        x, y, heading, distance = pose_along(*paths, self.track, (0.0, 0.0, 0.0))
+        left, right = (radius * self.gear * np.diff(angle) for radius, angle in zip(self.radii, turned, strict=True))
+        x, y, heading, distance = pose_along(left, right, self.track, (0.0, 0.0, 0.0))
         for axis, values in (("x", x), ("y", y)):
             seen[f"{axis}_camera"] = (values[at] + self.camera_noise * rng.standard_normal(len(t[at])), "m")
         true: dict[str, tuple[np.ndarray, str]] = {"x": (x, "m"), "y": (y, "m"), "heading": (heading, "rad"), "distance": (distance, "m")}
@@ -109,7 +109,7 @@ class RobotDriveRig:
     @property
     def inertia(self) -> float:
         """Of a rotor with its share of the robot's mass, kg m^2 at the motor."""
-        return self.motor["Jm"] + 0.5 * self.mass * (np.mean(self.radii) * self.gear / self.ratio) ** 2
+        return self.motor["Jm"] + 0.5 * self.mass * (0.5 * sum(self.radii) * self.gear / self.ratio) ** 2
 
     @property
     def _volts(self) -> float:

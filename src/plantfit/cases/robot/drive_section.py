@@ -41,8 +41,8 @@ def driven(folder: Path, seed: int = 1) -> tuple[RigRecord, Path]:
 def odometry_of(recording: Recording, wheels: Mapping[str, float]) -> Way:
     """Equations 4 and 7 with a radius for each wheel, from the origin along x; with one radius it is `recording.odometry`."""
     turned = [2 * np.pi / PULSES * recording[f"N_{side}"] for side in ("left", "right")]
-    paths = [wheels[f"radius_{side}"] * np.diff(angle) for side, angle in zip(("left", "right"), turned, strict=True)]
-    return Way(*pose_along(*paths, wheels["track"], (0.0, 0.0, 0.0)))
+    left, right = (wheels[f"radius_{side}"] * np.diff(angle) for side, angle in zip(("left", "right"), turned, strict=True))
+    return Way(*pose_along(left, right, wheels["track"], (0.0, 0.0, 0.0)))
 
 
 def drive_section(made: RigRecord, answer: Answer) -> dict[str, Any]:
