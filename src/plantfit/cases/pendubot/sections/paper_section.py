@@ -69,7 +69,10 @@ def results_section(record: TorqueRecord, problem: Problem, floor: Floor, runs: 
             "label": "The same from 5 to 6.6 s (paper's figure 5); theoretical: by the "
             "parameters measured before assembly, which are the rig's",
         },
-        {"figure": residual_figure(record.recording, torques, ZOOM), "label": "What each leaves of the measured torque from 5 to 6.6 s"},
+        {
+            "figure": residual_figure(record.recording, torques, "theoretical", ZOOM),
+            "label": "From 5 to 6.6 s: what the theoretical torque leaves of the measured one, and how far the best runs are from it",
+        },
         {"figure": bars_figure("mean time of a run [s]", {r.label: r.seconds for r in runs}), "label": "Time of a run (figure 6)"},
         {"figure": bars_figure("mean RMSE [N m]", rmse), "label": "RMSE with 95 % intervals, virtual rig (figure 7)"},
         {
