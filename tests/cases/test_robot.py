@@ -94,3 +94,35 @@ def test_kalman_filters_on_the_bench_hold_the_truth_and_smooth(tmp_path):
         assert float(after) < 0.1 * float(measured)
         assert float(smooth) < 0.1 * float(measured)
     assert len(section["figures"]) == 1
+
+
+@pytest.mark.parametrize("gains", [GAINS, (0.0, 12.2, 1e-4), (19.1, 8.6e-4, 0.025)])
+def test_the_terms_whose_change_is_told_add_up_to_the_fitness(gains):
+    from plantfit.cases.robot.gains_section import _terms
+
+    m = response(MOTOR, gains)[1]
+    assert _terms(m).sum() == pytest.approx(float(fitness(m)), rel=1e-9)
+
+
+def test_the_filtered_record_settles_and_overshoots_as_the_motor_does():
+    from plantfit.cases.robot.gains_section import constant_duty, measured_metrics
+    from plantfit.cases.robot.signals_section import cleaned
+
+    run = bench()
+    final, seen = measured_metrics(cleaned(run))
+    assert final == pytest.approx(run.exact["w"][-1], rel=2e-3)
+    model = response(MOTOR, constant_duty(MOTOR))[1]
+    assert seen.overshoot == pytest.approx(model.overshoot, abs=3.0)
+    assert seen.peak_time == pytest.approx(model.peak_time, abs=1.5e-3)
+
+
+def test_odometry_with_a_radius_for_each_wheel_is_the_cleaning_step_where_both_are_alike():
+    from plantfit.cases.robot.drive_section import PULSES, odometry_of
+    from plantfit.recording import odometry
+    from plantfit.rig.offered import record_rig
+
+    r = record_rig("robot_drive", excitation="0.5m,0.4m/90deg").recording
+    way = odometry_of(r, {"radius_left": 0.032, "radius_right": 0.032, "track": 0.14})
+    step = odometry(r, "N_left", "N_right", PULSES, 0.032, 0.14)
+    for name, values in way._asdict().items():
+        np.testing.assert_allclose(values, step[name], atol=1e-12)

@@ -268,3 +268,16 @@ def test_intervals_of_every_method_cover_the_truth():
     # least squares takes 15 independent stretches of process noise for sensor noise with memory, and knows too little of that
     least = {"least squares": 0.68, "maximum likelihood": 0.88, "EKF": 0.8, "UKF": 0.84}
     assert all(v / runs >= least[m] for (m, _), v in inside.items()), inside
+
+
+def test_the_scatter_of_an_output_with_times_of_its_own_is_that_of_its_samples():
+    from plantfit.estimate.methods.proposals import _scatter
+
+    rng = np.random.default_rng(2)
+    noise = 0.3 * rng.standard_normal(4000)
+    between = np.full(8000, np.nan)
+    between[1::2] = noise + np.linspace(0, 5, 4000)  # slow errors do not count
+    assert _scatter([between]) == pytest.approx(0.3, rel=0.06)
+    gaps = noise.copy()
+    gaps[::10] = np.nan
+    assert _scatter([gaps]) == pytest.approx(0.3, rel=0.08)

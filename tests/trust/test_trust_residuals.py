@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import plantfit as pf
+from plantfit.models.text.equations import equations
+from plantfit.problem import Experiment, Problem
+from plantfit.recording import Recording, Signal
 from plantfit.trust import autocorrelation, cross_correlation, whiteness
-from plantfit.trust.validate.residual_tests import independent, white_part
+from plantfit.trust.validate.residual_tests import independent, measured_rows, white_part
 
 
 def ar1(rng, n, rho) -> np.ndarray:
@@ -84,3 +88,44 @@ def test_white_part_leaves_out_missing_samples():
     e[::50] = np.nan
     assert white_part(e) == pytest.approx(1.0, rel=0.06)
     assert np.isnan(white_part(np.array([1.0, 2.0])))
+
+
+def test_a_signal_with_times_of_its_own_is_tested_from_one_measurement_to_the_next():
+    rng = np.random.default_rng(3)
+    own = ar1(rng, 1500, 0.6)
+    between = np.full(3000, np.nan)
+    between[::2] = own
+    np.testing.assert_array_equal(between[measured_rows(between)], own)
+    with_gaps = own.copy()
+    with_gaps[rng.uniform(size=1500) < 0.2] = np.nan  # gaps stay gaps
+    assert len(measured_rows(with_gaps)) == 1500
+
+
+def noisy_line(shared, seed=4):
+    """A constant seen at every second sample, differences of neighbouring edges as its errors, as a disc's slots make them."""
+    rng = np.random.default_rng(seed)
+    n = 1200
+    u, y = np.tile([1.0, 3.0], n // 2), np.full(n, np.nan)
+    edges = rng.normal(size=n // 2 + 1)
+    y[::2] = 5.0 + np.diff(edges)
+    signals = {"u": Signal(u), "y": Signal(y), "slot": Signal(np.where(np.isfinite(y), np.arange(n) % 400, np.nan))}
+    record = Recording(np.arange(n) * 0.01, signals, "disc")
+    model = equations("y = a + 0*u", inputs=["u"], outputs=["y"], parameters={"a": {"bounds": (0.0, 20.0)}})
+    return pf.fit(Problem(model, Experiment(record, shared_errors={"y": "slot"} if shared else {})), "auto", seed=1)
+
+
+def test_noise_of_a_right_model_is_no_problem_and_its_pattern_is_named():
+    answer = noisy_line(shared=True)
+    (row,) = answer.findings["residual_tests"]
+    assert row["autocorrelation"][1] == pytest.approx(-0.5, abs=0.08)  # of differences of white noise
+    assert row["lags_s"][1] == pytest.approx(0.02)
+    said = {v["sentence"]: v["level"] for v in answer.findings["verdict"]}
+    fit = next(s for s in said if s.startswith("The model follows y"))
+    assert said[fit] == "info"
+    assert "what is left is its noise from sample to sample" in fit
+    pattern = next(s for s in said if "not white" in s)
+    assert said[pattern] == "info"
+    assert "come back with slot" in pattern
+    assert "bad" not in said.values()
+    unaware = noisy_line(shared=False)
+    assert next(v["level"] for v in unaware.findings["verdict"] if "not white" in v["sentence"]) == "warning"

@@ -26,7 +26,7 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows,
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
-from plantfit.trust.validate.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.validate.residual_tests import cross_correlation, independent, measured_rows, whiteness
 from plantfit.trust.verdict.all_sentences import sentences
 
 
@@ -160,15 +160,16 @@ def _residual_tests(problem, predictions):
         record, mask = experiment.recording, experiment.mask("fit")
         if mask.sum() < 20:
             continue
-        period = float(np.median(np.diff(record.t)))
         for output in problem.outputs:
             residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
             if not np.any(np.isfinite(residual)) or np.nanstd(residual) == 0:
                 continue
+            rows = measured_rows(residual)
+            residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
             own, p_value = whiteness(residual)
             cross = {}
             for i in inputs:
-                u = record[i][mask]
+                u = record[i][mask][rows]
                 if np.std(u) == 0:
                     continue
                 c = cross_correlation(residual, u)
@@ -187,6 +188,7 @@ def _residual_tests(problem, predictions):
                     "bound": own.bound,
                     "white": bool(p_value > 0.01),
                     "p_value": p_value,
+                    "shared": experiment.shared_errors.get(output),
                     "cross": cross,
                 }
             )

@@ -76,8 +76,8 @@ def _sentences(methods: Methods) -> list[str]:
     label = next(iter(GA))
     low, high = spread(methods, label, "Rm")
     return [
-        "Speed and voltage determine three coefficients of the motor's constants and, here, no friction: of six constants (Kt = Kb) two "
-        "directions stay flat, of seven three.",
+        "Speed and voltage determine four combinations of the motor's constants, one of which, the friction's, is smaller than its "
+        "interval here: of six constants (Kt = Kb) two directions stay flat, of seven three.",
         f"Runs of the genetic algorithm end with Rm anywhere from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}); what J prefers "
         "along the flat directions is the bias of its second error, towards a small Kb. The paper prints "
         f"{PUBLISHED['Kb']} beside Kt = {PUBLISHED['Kt']}.",

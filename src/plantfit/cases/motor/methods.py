@@ -69,6 +69,13 @@ def cost_at(problem: Problem, constants: Mapping[str, float]) -> float:
     return float(problem.cost(np.asarray(problem.space.cube(np.array([constants[n] for n in problem.space.names])))))
 
 
+def errors_at(problem: Problem, constants: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times (n,) in s, e1 (rad/s) and e2 (V) there, at constants by name."""
+    [experiment] = problem.experiments.values()
+    error = _errors(problem, constants)
+    return experiment.recording.t, -error["w"], -error["Ve"]
+
+
 def parts_at(problem: Problem, constants: Mapping[str, float]) -> tuple[float, float]:
     """Root mean squares of e1 (rad/s) and e2 (V) at constants by name."""
     error = _errors(problem, constants)

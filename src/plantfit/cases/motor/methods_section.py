@@ -5,13 +5,17 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH
-from plantfit.cases.motor.methods import GUARDED, Methods, parts_at
+from plantfit.cases.motor.methods import GA, GUARDED, Methods, errors_at, parts_at
+from plantfit.cases.shared.panels import signals_figure
 from plantfit.optimize import RunResult
+from plantfit.report.figures import style
 from plantfit.report.figures.comparison.answers import parallel_figure
 from plantfit.report.figures.comparison.costs import distribution_figure
 from plantfit.report.figures.comparison.curves import quartiles_figure
+from plantfit.report.figures.style import Figure
 from plantfit.trust.verdict.words import number
 
+SHOWN = 60.0  # s of the errors that are drawn
 COLUMNS = ["method", "best", "median", "worst", "evaluations", "seconds a run"]
 
 
@@ -49,11 +53,26 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
             {"caption": "Where the best runs end", "columns": ["run", "J", "rms e1 [rad/s]", "rms e2 [V]", *names], "rows": constants},
         ],
         "figures": [
+            {"figure": _over_time(found), "label": f"e1 and e2 over the first {SHOWN:g} s: best run of the genetic algorithm and truth "
+                                                   "(the paper's figures 15 and 16)"},
             {"figure": distribution_figure(methods, {"J at the truth": found.truth}), "label": "J at the end of every run"},
             {"figure": quartiles_figure(record["convergence"], counts, "evaluations", "evaluations"), "label": "J against evaluations"},
             {"figure": parallel_figure(record["parallel"], list(found.results)), "label": "Where the runs ended between the bounds"},
         ],
     }  # fmt: skip
+
+
+def _over_time(found: Methods) -> Figure:
+    """Both errors of the genetic algorithm's best run and of the truth."""
+    label = min(GA, key=lambda k: min(r.cost for r in found.results[k]))
+    lines: dict[str, dict[str, tuple[np.ndarray, str, float]]] = {"e1 [rad/s]": {}, "e2 [V]": {}}
+    t = np.zeros(0)
+    runs = {"truth": (TRUTH, style.MEASURED, 2.4), f"{label}, best run": (found.best(label), style.SIMULATED, 1.2)}
+    for name, (constants, colour, width) in runs.items():
+        t, *both = errors_at(found.problem, constants)
+        for axis, values, end in zip(lines, both, (", e1", ", e2"), strict=True):
+            lines[axis][name + end] = (values[t <= SHOWN], colour, width)
+    return signals_figure(t[t <= SHOWN], list(lines.items()))
 
 
 def _below(found: Methods) -> str:

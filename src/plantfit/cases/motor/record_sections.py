@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.motor.bench import OLDEST, PERIOD, PUBLISHED, TRUTH, UNITS, Bench
-from plantfit.cases.motor.figures import signals_figure
 from plantfit.cases.motor.surrogate import BLOCKS, Surrogate
+from plantfit.cases.shared.panels import signals_figure
 from plantfit.report.figures import style
 from plantfit.trust.verdict.words import number
 

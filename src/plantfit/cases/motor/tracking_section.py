@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.motor.bench import PUBLISHED
+from plantfit.cases.shared.panels import signals_figure
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.rig.pendubot_tracking import PendubotTracking, Tracked
 
+FINE = 100  # times the counts, to see what the encoders' steps do
 OFF = 0.3  # of Rm / Kt, in the wrong motors
 
 
@@ -28,6 +30,7 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
     }
     runs = {name: rig.follow(truth, motor) for name, motor in motors.items()}
     errors = [f"{angle} {kind} [deg]" for angle in ("theta1", "theta2") for kind in ("rms", "max")]
+    fine = PendubotTracking(counts=FINE * rig.counts).follow(truth, identified)
     columns = ["controller's constants", *errors, "max voltage [V]", "at limit"]
     rows = [_row(name, run) for name, run in runs.items()]
     return {
@@ -38,10 +41,32 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
             "The motor has the true ones, with its winding, rotor and friction.",
             f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit bridge of +-{rig.limit:.4g} V, speeds by a Kalman filter.",
             _compared(runs),
+            f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, because a step of an encoder is a jump "
+            f"of the speeds that the filter takes from it; encoders {FINE} times finer leave {_play(rig, fine):.2f} V.",
         ],
         "tables": [{"caption": f"Tracking error of both angles over {rig.duration:g} s", "columns": columns, "rows": rows}],
-        "figures": [{"figure": _figure(rig, runs), "label": "Error of theta1, and the motor's voltage with the identified constants"}],
-    }
+        "figures": [
+            {"figure": _tracked(rig, runs["identified"], truth["Kt"]), "label": "Both joints and their references, torque of the motor and "
+             "voltage, with the identified constants (the paper's figures 17 and 18)"},
+            {"figure": _figure(rig, runs), "label": "Error of theta1 with each set of constants"},
+        ],
+    }  # fmt: skip
+
+
+def _play(rig: PendubotTracking, tracked: Tracked) -> float:
+    """Standard deviation of the voltage after the last move, V."""
+    return float(np.std(np.asarray(tracked.run.u["V"])[rig.t > rig.moves[-1].end + 0.5]))
+
+
+def _tracked(rig: PendubotTracking, tracked: Tracked, constant: float) -> Figure:
+    states = tracked.run.states
+    panels = []
+    for k, joint in enumerate(("theta1", "theta2")):
+        wanted, had = np.degrees(tracked.wanted[:, k]), np.degrees(np.asarray(states[joint]))
+        panels.append((f"{joint} [deg]", {f"{joint}, reference": (wanted, style.MEASURED, 3.0), joint: (had, style.SIMULATED, 1.2)}))
+    panels.append(("torque [N m]", {"torque": (constant * np.asarray(states["i"]), style.SERIES[1], 1.2)}))
+    panels.append(("voltage [V]", {"voltage": (np.asarray(tracked.run.u["V"]), style.INPUT, 1.0)}))
+    return signals_figure(rig.t, panels)
 
 
 def _compared(runs: Mapping[str, Tracked]) -> str:
@@ -70,17 +95,11 @@ def _figure(rig: PendubotTracking, runs: Mapping[str, Tracked]) -> Figure:
     for k, (name, tracked) in enumerate(runs.items()):
         if tracked.fell:
             continue
-        lines: dict[str, np.ndarray] = {"y": np.degrees(np.asarray(tracked.run.states["theta1"]) - tracked.wanted[:, 0])}
-        if name == "identified":
-            lines["y2"] = np.asarray(tracked.run.u["V"])
         line = {"color": (*style.SERIES, style.INK, style.MUTED)[k], "width": 1.4}
-        for axis, values in lines.items():
-            at = envelope(values, 600)
-            points = {"x": style.numbers(rig.t[at]), "y": style.numbers(values[at]), "yaxis": axis, "line": line}
-            shown = {"name": style.plain(name), "legendgroup": name, "showlegend": axis == "y"}
-            data.append({"type": "scatter", "mode": "lines", **shown, **points})
-    layout = style.layout(460, showlegend=True)
-    layout["xaxis"] = style.axis("time [s]", anchor="y2")
-    layout["yaxis"] = style.axis("error of theta1 [deg]", domain=[0.55, 1.0])
-    layout["yaxis2"] = style.axis("voltage [V]", domain=[0.0, 0.45])
+        values = np.degrees(np.asarray(tracked.run.states["theta1"]) - tracked.wanted[:, 0])
+        at = envelope(values, 600)
+        points = {"x": style.numbers(rig.t[at]), "y": style.numbers(values[at]), "line": line}
+        data.append({"type": "scatter", "mode": "lines", "name": style.plain(name), **points})
+    layout = style.layout(300, showlegend=True)
+    layout["xaxis"], layout["yaxis"] = style.axis("time [s]"), style.axis("error of theta1 [deg]")
     return {"data": data, "layout": layout}

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.cases.robot.drive_section import drive_section, driven
+from plantfit.cases.robot.gains_section import gains_section, winners
 from plantfit.cases.robot.kalman import filtered, kalman_section
 from plantfit.cases.robot.sections import identified_section, response_section, search_section
+from plantfit.cases.robot.signals_section import cleaned, signals_section
 from plantfit.cases.robot.speed_loop import UPPER, fitness, objective, response
 from plantfit.cases.shared.files import unpack
 from plantfit.cases.shared.fitting import fit_file
@@ -33,10 +36,13 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     benched.save(folder)
     file = folder / "motor.toml"
     answer = fit_file(file, progress)
-    begins = stages(("Kalman filters", "elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"), progress)
+    begins = stages(("Kalman filters", "odometry", "elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"), progress)
     truth = {name: ROBOT_MOTOR[other] for name, other in TRUTH.items()}
     begins("Kalman filters")
     found = filtered(answer, truth)
+    begins("odometry")
+    made, drive_file = driven(folder)
+    drive = fit_file(drive_file, progress)
     goal = objective(answer.values)
     begins("elite GA, 300 000 loops")
     ga = minimise(goal, "elite_ga", runs=GA_RUNS[full], budget=BUDGET, seed=1, settings={"variant": "paper"})
@@ -47,11 +53,15 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     short = {n: minimise(goal, n, runs=RUNS, budget=FEW, seed=2) for n in (POPULATION_METHODS if full else SMALL_SHORT)}
     best = min((r for rs in short.values() for r in rs), key=lambda r: r.cost)
     winner = max(short, key=lambda n: (reached(short[n], elite.cost), -min(r.cost for r in short[n])))
+    measured = cleaned(benched)
     sections = [
+        signals_section(benched),
         identified_section(answer, truth),
         kalman_section(found, benched.exact),
         search_section(ga, long, short),
-        response_section(answer.values, truth, {"elite GA": elite.x * UPPER, f"{best.method}, 3000 loops": best.x * UPPER}),
+        gains_section(answer.values, truth, winners(ga, long, short), measured),
+        response_section(answer.values, truth, {f"{best.method}, 3000 loops": best.x * UPPER, "elite GA": elite.x * UPPER}, measured),
+        drive_section(made, drive),
     ]
     figures = [
         figure(
@@ -71,7 +81,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         "0.042438 and ours are therefore no comparison.",
         "The bench is virtual: its motor has the constants that the paper identified.",
     ]
-    return record("robot", "Motor of a mobile robot on a virtual bench", figures, sentences, [answer], [file], sections,
+    return record("robot", "Motor of a mobile robot on a virtual bench", figures, sentences, [answer, drive], [file, drive_file], sections,
                   "300 000 closed loops of the paper's genetic algorithm, and a hundredth of them")  # fmt: skip
 
 

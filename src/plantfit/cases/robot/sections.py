@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.robot.speed_loop import ENCODERS, SET_POINT, UPPER, fitness, response
-from plantfit.control import StepMetrics
+from plantfit.cases.robot.gains_section import encoders_table, measured_metrics, said
+from plantfit.cases.robot.speed_loop import SET_POINT, UPPER, constant_duty, response
 from plantfit.fitting import Answer
 from plantfit.optimize import RunResult
+from plantfit.recording import Recording
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
 PAPER_GAINS = np.array([19.102365736574, 0.000859285929, 0.025063706371])
+EARLY = 0.1  # s of a step that are drawn
 DRAWN = 3  # methods whose short runs are drawn
 LOOKS = (*style.SERIES, style.INK, style.MUTED)
 
@@ -81,17 +83,21 @@ def search_section(ga: Sequence[RunResult], long: Mapping[str, RunResult], short
     }
 
 
-def response_section(identified: Mapping[str, float], truth: Mapping[str, float], tuned: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Steps on the true motor with every encoder, before and after."""
-    duty = np.round(SET_POINT * (truth["Ra"] * truth["B"] / truth["kw"] + truth["kw"]) * 255 / 12.0)
-    rows, shown = [["constant duty", "none", *_said(response(truth, duty)[1])]], {"constant duty": response(truth, duty)[0]}
-    for name, gains in {**tuned, "the paper's gains": PAPER_GAINS}.items():
-        for encoder, step in ENCODERS.items():
-            run, metrics = response(truth, gains, step)
-            rows.append([name, encoder, *_said(metrics)])
-            if encoder == "pulse period, 1 us timer":
-                shown[name] = run
-        rows.append([f"{name}, identified motor", "pulse period, 1 us timer", *_said(response(identified, gains)[1])])
+def response_section(
+    identified: Mapping[str, float], truth: Mapping[str, float], tuned: Mapping[str, np.ndarray], measured: Recording
+) -> dict[str, Any]:
+    """Steps on the true motor with every encoder, before and after, and beside them the record at 3 V."""
+    duty = constant_duty(truth)
+    first = next(iter(tuned.values()))
+    rows = [["constant duty", "none", *said(response(truth, duty)[1])], *encoders_table(truth, {**tuned, "the paper's gains": PAPER_GAINS})]
+    final, _ = measured_metrics(measured)
+    shown = {
+        "record at 3 V": (measured.t, measured["w"] / final),
+        "identified motor, constant duty": _share(response(identified, constant_duty(identified))[0]),
+        "identified motor, PID": _share(response(identified, first)[0]),
+    }
+    steps = {"constant duty": _share(response(truth, duty)[0])}
+    steps |= {name: _share(response(truth, gains)[0]) for name, gains in {**tuned, "the paper's gains": PAPER_GAINS}.items()}
     columns = ["control", "encoder", "overshoot [%]", "rise [s]", "settling [s]", "peak [s]", "error [rad/s]", "fitness"]
     return {
         "title": "Steps to 300 rad/s on the true motor of the bench",
@@ -101,13 +107,12 @@ def response_section(identified: Mapping[str, float], truth: Mapping[str, float]
             "The paper's gains stand for its own units and limits, which it does not print; in these they are no judgement of it.",
         ],
         "tables": [{"caption": "Step metrics, 2 % band, rise from 10 to 90 %", "columns": columns, "rows": rows}],
-        "figures": [{"figure": _steps(shown), "label": "Speed of the true motor before and after tuning"}],
-    }
-
-
-def _said(m: StepMetrics) -> list[str]:
-    times = [f"{t:.3f}" if np.isfinite(t) else "never" for t in (m.rise_time, m.settling_time, m.peak_time)]
-    return [f"{m.overshoot:.2f}", *times, f"{m.steady_state_error:.2f}", f"{float(fitness(m)):.4f}"]
+        "figures": [
+            {"figure": _steps(shown), "label": "Speed over the speed it settles at: the record, the model, the model with the PID (the "
+                                               "paper's figure 6)"},
+            {"figure": _steps(steps), "label": "Speed of the true motor over the set point before and after tuning"},
+        ],
+    }  # fmt: skip
 
 
 def _when(run: RunResult, cost: float) -> str:
@@ -137,13 +142,17 @@ def _history(whole: Mapping[str, RunResult], short: Mapping[str, list[RunResult]
     return {"data": data, "layout": layout}
 
 
-def _steps(shown: Mapping[str, Any]) -> Figure:
+def _share(run: Any) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(run.t), np.asarray(run.y) / SET_POINT
+
+
+def _steps(shown: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
     data = []
-    for k, (name, run) in enumerate(shown.items()):
-        early = np.asarray(run.t) <= 0.1
-        data.append(_line(np.asarray(run.t)[early], np.asarray(run.y)[early], name, {"color": LOOKS[k], "width": 1.6}))
+    for k, (name, (t, share)) in enumerate(shown.items()):
+        early = t <= EARLY
+        data.append(_line(t[early], share[early], name, {"color": LOOKS[k], "width": 1.6}))
     layout = style.layout(320, showlegend=True)
-    layout["xaxis"], layout["yaxis"] = style.axis("time [s]"), style.axis("speed [rad/s]")
+    layout["xaxis"], layout["yaxis"] = style.axis("time [s]"), style.axis("speed, share of the final one")
     return {"data": data, "layout": layout}
 
 

@@ -57,3 +57,8 @@ def response(motor: Mapping[str, float], gains: Any, step: float = TIMER) -> tup
     plant = {n: float(motor[n]) for n in ("Ra", "La", "kw", "B", "J")}
     run = loop.simulate(given, plant, SET_POINT, samples=SAMPLES)
     return run, StepMetrics(*map(float, loop.observe(step_observer(), given, plant, SET_POINT, samples=SAMPLES)))
+
+
+def constant_duty(motor: Mapping[str, float]) -> float:
+    """The duty in whole counts that holds the set point of a motor with these constants."""
+    return float(np.round(SET_POINT * (motor["Ra"] * motor["B"] / motor["kw"] + motor["kw"]) * 255 / SUPPLY))

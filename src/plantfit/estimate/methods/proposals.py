@@ -153,9 +153,16 @@ def _initial(name: str, scales: Scales, measurement: Mapping[str, Level]) -> tup
 
 def _scatter(residuals: list[np.ndarray]) -> float:
     """Standard deviation of white noise behind residuals, by the middle of their second differences."""
-    second = np.concatenate([r[2:] - 2 * r[1:-1] + r[:-2] for r in residuals]) if residuals else np.zeros(0)
+    own = [_in_turn(r) for r in residuals]
+    second = np.concatenate([r[2:] - 2 * r[1:-1] + r[:-2] for r in own]) if own else np.zeros(0)
     second = second[np.isfinite(second)]
     return float(np.median(np.abs(second)) / 0.6745 / DIFFERENCES) if len(second) else 0.0
+
+
+def _in_turn(residual: np.ndarray) -> np.ndarray:
+    """The residual (n,), or its measured samples alone where most stand between missing ones: a signal with times of its own."""
+    there = np.isfinite(residual)
+    return residual[there] if np.sum(there[1:] & there[:-1]) < 0.5 * there.sum() else residual
 
 
 def _simulated(problem: Problem, values: Mapping[str, float]) -> tuple[list[StateSpace], dict[str, list[np.ndarray]]]:

@@ -43,7 +43,7 @@ def odometry(
         raise RecordingError(f"{step}: no sample has both counts; choose other signals.")
     dl, dr = (np.diff(p[there]) for p in paths)
     made = {name: np.full(len(recording), np.nan) for name in ("x", "y", "heading", "distance")}
-    for name, values in zip(made, _driven(dl, dr, width, start), strict=True):
+    for name, values in zip(made, pose_along(dl, dr, width, start), strict=True):
         made[name][there] = values
     told = f"Pose by odometry from {left!r} and {right!r} ({counts:g} counts, radius {radius:g} m, track {track:g} m)"
     for name, unit in (("x", "m"), ("y", "m"), ("heading", "rad"), ("distance", "m")):
@@ -51,8 +51,8 @@ def odometry(
     return recording
 
 
-def _driven(dl: np.ndarray, dr: np.ndarray, track: float, start: Sequence[float]) -> tuple[np.ndarray, ...]:
-    """x, y, heading, distance, each (n + 1,), from the paths (n,) of the wheels."""
+def pose_along(dl: np.ndarray, dr: np.ndarray, track: float, start: Sequence[float]) -> tuple[np.ndarray, ...]:
+    """x, y (m), heading (rad), distance (m), each (n + 1,), from the paths (n,) of the left and the right wheel (m), an arc each."""
     ds, turn = 0.5 * (dl + dr), (dr - dl) / track
     heading = start[2] + np.concatenate([[0.0], np.cumsum(turn)])
     chord, middle = ds * np.sinc(turn / (2 * np.pi)), heading[:-1] + 0.5 * turn

@@ -15,6 +15,7 @@ from plantfit.rig.offered.contract import Asked, Number, OfferedRig, RigRecord
 _PLACES = {
     "dc_motor": "plantfit.rig.offered.dc_motor",
     "pendubot": "plantfit.rig.offered.pendubot",
+    "robot_drive": "plantfit.rig.offered.robot_drive",
     "robot_motor": "plantfit.rig.offered.robot_motor",
     "steam_chamber": "plantfit.rig.offered.steam_chamber",
 }

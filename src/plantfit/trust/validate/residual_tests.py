@@ -62,6 +62,14 @@ def independent(correlation: Correlation) -> bool:
     return bool(np.max(np.abs(correlation.values)) <= wide * correlation.bound)
 
 
+def measured_rows(residuals: np.ndarray) -> np.ndarray:
+    """Places (k,) of the residuals (n,) that follow each other: all of them, or the finite ones where most stand between missing ones,
+    as those of a signal with times of its own do."""
+    there = np.isfinite(residuals)
+    beside = np.sum(there[1:] & there[:-1])
+    return np.flatnonzero(there) if beside < 0.5 * there.sum() else np.arange(len(residuals))
+
+
 def white_part(residuals: np.ndarray) -> float:
     """Standard deviation of the part of the residual that changes from sample to sample.
 

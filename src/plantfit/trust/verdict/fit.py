@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.trust.validate.residual_tests import white_part
+from plantfit.trust.validate.residual_tests import measured_rows, white_part
 from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit, worst
 
+GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 
 Findings = Mapping[str, Any]
@@ -16,7 +17,8 @@ Row = Mapping[str, Any]
 
 def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     """How well the fitted samples are followed."""
-    rows = [r for r in findings["scores"] if r["part"] == "fit"]
+    at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
+    rows = [{**r, "at_floor": (r["recording"], r["output"]) in at_floor} for r in findings["scores"] if r["part"] == "fit"]
     yield from _each_output(findings, rows, _fit, _fits)
 
 
@@ -64,15 +66,19 @@ def _names(rows: Sequence[Row]) -> str:
     return some([r["recording"] for r in rows])
 
 
-def _fit_level(percent: float | None) -> str:
-    return "info" if percent is None else "good" if percent >= 80 else "warning" if percent >= 50 else "bad"
+def _fit_level(row: Row) -> str:
+    percent = row["fit_percent"]
+    if percent is None or (percent < GOOD and row["at_floor"]):
+        return "info"
+    return "good" if percent >= GOOD else "warning" if percent >= 50 else "bad"
 
 
 def _fit(findings: Findings, row: Row) -> Sentence:
     percent = row["fit_percent"]
     text = f"The model follows {_where(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the fitted samples"
-    text += f", a fit of {percent:.1f} %." if percent is not None else "."
-    return say(_fit_level(percent), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
+    text += f", a fit of {percent:.1f} %" if percent is not None else ""
+    text += "; what is left is its noise from sample to sample." if percent is not None and percent < GOOD and row["at_floor"] else "."
+    return say(_fit_level(row), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
 
 
 def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
@@ -84,7 +90,7 @@ def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sent
         return
     low, high = (choose(known, key=lambda r: r["fit_percent"]) for choose in (min, max))
     text += f", a fit of {low['fit_percent']:.1f} to {high['fit_percent']:.1f} % (lowest in {low['recording']})."
-    level = worst(_fit_level(r["fit_percent"]) for r in known)
+    level = worst(_fit_level(r) for r in known)
     yield say(level, text, rmse=max(r["rmse"] for r in rows), fit_percent=low["fit_percent"])
 
 
@@ -177,6 +183,11 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         f"standard errors {_allow(findings)}, and something systematic is missing"
     )
     left = [i for i, c in row["cross"].items() if not c["independent"]]
+    if row.get("shared") and not left:
+        text = text.removesuffix(", and something systematic is missing")
+        return say(
+            "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
+        )
     known = _diagnosed(findings)
     text += (
         "."
@@ -219,7 +230,7 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
             residual = (np.array(o["measured"], dtype=float) - np.array(o["simulated"], dtype=float))[part]
             if not np.any(np.isfinite(residual)):
                 continue  # not measured in this recording
-            noise, rms = white_part(residual), float(np.sqrt(np.nanmean(residual**2)))
+            noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
 

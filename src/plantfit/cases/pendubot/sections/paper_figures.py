@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.pendubot.study_runs import CLOSE, MethodRuns
+from plantfit.cases.shared.panels import signals_figure as panels_figure
 from plantfit.recording.record import Recording
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
@@ -54,6 +55,15 @@ def overlay_figure(recording: Recording, torques: Mapping[str, np.ndarray], zoom
         data.append(_line(t[part], torque[part], name, palette[name][0], ("solid", "dash", "dot", "dashdot")[len(data) % 4]))
     headings = [] if zoom is None else [style.heading(f"{zoom[0]:g} to {zoom[1]:g} s", 0, 1.02)]
     return {"data": data, "layout": _time_layout(320, "torque of joint 1 [N m]", headings)}
+
+
+def residual_figure(recording: Recording, torques: Mapping[str, np.ndarray], against: str, zoom: tuple[float, float]) -> Figure:
+    """In a zoom (s): the measured torque less that named `against`, and below every other one less it."""
+    part, palette = (recording.t >= zoom[0]) & (recording.t <= zoom[1]), colours(list(torques))
+    base = torques[against][part]
+    others = {n: (torque[part] - base, palette[n][0], 1.4) for n, torque in torques.items() if n != against}
+    measured = {f"measured less {against}": (recording["tau1"][part] - base, style.MEASURED, 1.0)}
+    return panels_figure(recording.t[part], [("torque [N m]", measured), (f"less {against} [N m]", others)])
 
 
 def bars_figure(title: str, values: Mapping[str, np.ndarray]) -> Figure:

@@ -12,6 +12,7 @@ from plantfit.cases.pendubot.sections.paper_figures import (
     gap_figure,
     overlay_figure,
     parameters_figure,
+    residual_figure,
     signals_figure,
     trajectory_figure,
 )
@@ -59,10 +60,19 @@ def results_section(record: TorqueRecord, problem: Problem, floor: Floor, runs: 
     """Tables 2 to 4 and figures 5 to 7."""
     model, truth = problem.model, record.run.truth["parameters"]
     torques = {r.label: problem.predict(r.answers[r.best])["tau1"] for r in runs}
+    torques["theoretical"] = problem.predict(np.array([truth[n] for n in problem.space.names]))["tau1"]
     rmse = {r.label: r.rmse for r in runs}
     figures = [
         {"figure": overlay_figure(record.recording, torques), "label": f"Torque of the virtual rig and of the best runs ({model.name})"},
-        {"figure": overlay_figure(record.recording, torques, ZOOM), "label": "The same from 5 to 6.6 s (paper's figure 5)"},
+        {
+            "figure": overlay_figure(record.recording, torques, ZOOM),
+            "label": "The same from 5 to 6.6 s (paper's figure 5); theoretical: by the "
+            "parameters measured before assembly, which are the rig's",
+        },
+        {
+            "figure": residual_figure(record.recording, torques, "theoretical", ZOOM),
+            "label": "From 5 to 6.6 s: what the theoretical torque leaves of the measured one, and how far the best runs are from it",
+        },
         {"figure": bars_figure("mean time of a run [s]", {r.label: r.seconds for r in runs}), "label": "Time of a run (figure 6)"},
         {"figure": bars_figure("mean RMSE [N m]", rmse), "label": "RMSE with 95 % intervals, virtual rig (figure 7)"},
         {
