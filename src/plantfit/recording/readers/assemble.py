@@ -168,7 +168,7 @@ def _in_order(
     if duplicates is None:
         row = int(order[same[0] + 1])
         raise ClockError(
-            f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates = 'mean', or 'first' for the first row of each time.",
+            f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates = 'mean', or 'first' to keep the first row.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])

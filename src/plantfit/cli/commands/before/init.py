@@ -246,8 +246,8 @@ def _clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quie
                 out.print(f"{str(error).partition('; ')[0]}: the file says {error.treatment}.", markup=False)
         except PlantfitError as error:  # of a file that the user has not seen
             raise RecordingError(
-                f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of its "
-                "columns, or write one by hand (docs/study-file.md)."
+                f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of "
+                "its columns, or write one by hand (docs/study-file.md)."
             ) from error
         else:
             break
