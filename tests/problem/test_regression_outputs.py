@@ -99,8 +99,11 @@ def test_bounded_fit_ends_where_scipy_does(problem):
 def test_inertias_stay_open_and_base_parameters_come_within_their_errors():
     recording = record(2000, seed=8)
     physical = pf.fit(Problem(pendubot_regression(joints=(1, 2)), recording), "least_squares", budget=2000, seed=1)
-    status = {p["name"]: p["status"] for p in physical.findings["parameters"]}
-    assert status["I1"] == status["I2"] == "flat"
+    rows = {p["name"]: p for p in physical.findings["parameters"]}
+    for name in ("I1", "I2"):  # where in the open valley a search ends depends on rounding, how far it reaches does not
+        assert rows[name]["status"] in ("flat", "weak")
+        assert rows[name]["low"] < 1e-4
+        assert rows[name]["high"] > 9e-4
     base = pf.fit(Problem(pendubot_regression(joints=(1, 2), parameters="base"), recording), "least_squares", budget=2000, seed=1)
     truth = base_values(TRUTH)
     for p in base.findings["parameters"]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.models import equations
-from plantfit.problem import Problem
+from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.looks import problem_looks
 
@@ -55,3 +55,27 @@ def test_a_plant_that_was_not_at_rest():
     assert look.write.startswith('initial = "x_start"')
     assert not looks(record(start=3.0), initial="x0")
     assert not looks(record(start=3.0), initial="y")
+
+
+def test_an_input_that_never_moves_is_told_as_what_it_is():
+    n = 600
+    noise = 0.02 * np.random.default_rng(1).normal(size=n)
+    t, u = 0.05 * np.arange(n), np.ones(n)
+
+    def found(y, before=None):
+        model = equations(
+            "x' = (K*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"],
+            parameters={"K": {"bounds": (0.1, 10)}, "tau": {"unit": "s", "bounds": (0.02, 2.0)}},
+        )  # fmt: skip
+        recording = Recording(t, {"u": Signal(u), "y": Signal(y + noise)}, "a")
+        return problem_looks(Problem(model, Experiment(recording, before=before or {})))
+
+    (look,) = found(np.full(n, 2.0))  # nothing moves
+    assert look.level == "warning"
+    assert "nothing that depends on it can be told" in look.sentence
+    (look,) = found(2.0 * (1 - np.exp(-t / 0.5)))  # it settles from its start
+    assert look.level == "info"
+    assert look.sentence.endswith("throughout; what it does shows only in how the plant settles from its start.")
+    assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
+    (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
+    assert look.level == "warning"

@@ -3,6 +3,7 @@
 import os
 import re
 import tempfile
+from base64 import b64encode
 from collections.abc import Mapping
 from contextlib import suppress
 from importlib import resources
@@ -96,17 +97,20 @@ def render_html(findings: Mapping[str, Any]) -> str:
 
 def render_page(template: str, context: Mapping[str, Any]) -> str:
     """A template with everything that its page needs inside."""
-    from plotly.offline import get_plotlyjs  # 5 MB, read only when a report is made
-
     environment = jinja2.Environment(loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     return environment.get_template(template).render(
         context,
         style=Markup(template_text("style.css")),
-        plotly=Markup(get_plotlyjs()),
+        plotly=Markup(_plotly()),
         draw=Markup(template_text("draw.js")),
         config=embedded(CONFIG),
     )
+
+
+def _plotly() -> str:
+    """plotly.js with the kinds of figures that pages use, compressed, as base64; draw.js unpacks it."""
+    return b64encode(resources.files("plantfit.report").joinpath("templates", "plotly-cartesian.min.js.gz").read_bytes()).decode()
 
 
 def template_text(name: str) -> str:

@@ -1,17 +1,20 @@
 """Recordings against the model: length and period against the bounds of its times, feedback, and rest at the start."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from plantfit import units
 from plantfit.models.model import Model
+from plantfit.problem.measure.experiment import Experiment, before_in_units
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.record import Recording
 from plantfit.trust.validate.residual_tests import white_part
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
+SETTLES = 3.0  # times its noise, by which an output moves while its input rests
 FAR = 10.0  # times a bound: not sampled badly, but in another unit
 RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
 
@@ -28,13 +31,35 @@ def problem_looks(problem: Problem) -> list[Look]:
         recording = Recording(e.recording.t, e.recording.signals, name)
         found += clock_looks(recording)
         for u in model.inputs:
-            found += signal_looks(recording, u, measured=False)
+            found += [_still(problem, name, look) for look in signal_looks(recording, u, measured=False) if not _stepped(e, model, look)]
         for y in problem.outputs:
             found += signal_looks(recording, y, measured=True)
         found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
         found += _times(problem, recording)
         found += _start(problem, model, recording)
     return found
+
+
+def _stepped(e: Experiment, model: Model, look: Look) -> bool:
+    """Whether an input that never moves was another before the record: it begins with a step."""
+    if look.kind != "constant" or look.signal not in e.before:
+        return False
+    return before_in_units(e.recording, e.before, model.inputs)[look.signal] != look.figures["value"]
+
+
+def _still(problem: Problem, name: str, look: Look) -> Look:
+    """An input that never moves, of a plant that does: how it settles tells something."""
+    e = problem.experiments[name]
+    if look.kind != "constant" or not any(_moves(e.recording[y]) for y in problem.outputs):
+        return look
+    sentence = look.sentence.partition(", and nothing")[0]
+    return replace(look, level="info", sentence=f"{sentence}; what it does shows only in how the plant settles from its start.")
+
+
+def _moves(y: np.ndarray) -> bool:
+    """Whether a signal moves by more than it jumps from sample to sample."""
+    y = y[np.isfinite(y)]
+    return len(y) >= RESTING and float(np.std(y)) > SETTLES * float(np.std(np.diff(y))) / np.sqrt(2.0)
 
 
 def _time_bounds(problem: Problem) -> Iterator[tuple[str, float, float, bool]]:
