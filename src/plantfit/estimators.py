@@ -30,7 +30,7 @@ from plantfit.fitting import fit
 from plantfit.problem.problem import Problem
 from plantfit.recording.told import listed
 from plantfit.report.case_page import write_case_page
-from plantfit.report.sections.estimators import estimators_page, estimators_rows, noise_rows
+from plantfit.report.pages.estimators import estimators_page, estimators_rows, noise_rows
 from plantfit.report.text import columns
 from plantfit.spec.study import Study
 from plantfit.spec.tables import EstimateTable, validated

@@ -14,7 +14,7 @@ from plantfit.answer import Answer
 from plantfit.errors import PlantfitError, SpecError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.report.case_page import write_case_page
-from plantfit.report.sections.intervals import interval_rows, intervals_page
+from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles

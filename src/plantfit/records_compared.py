@@ -13,7 +13,7 @@ from plantfit.errors import RecordingError
 from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
 from plantfit.report.case_page import write_case_page
-from plantfit.report.sections.records_compared import records_page, records_rows
+from plantfit.report.pages.records_compared import records_page, records_rows
 from plantfit.report.text import columns
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import default_budget

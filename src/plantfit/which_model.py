@@ -15,7 +15,7 @@ from plantfit.first_look.data import Data, data_of
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report.case_page import write_case_page
-from plantfit.report.sections.models_compared import models_page, models_rows
+from plantfit.report.pages.models_compared import models_page, models_rows
 from plantfit.report.text import columns
 from plantfit.trust.which_model.candidates import Candidate, candidate, folds
 from plantfit.trust.which_model.common_data import Series, shared_data

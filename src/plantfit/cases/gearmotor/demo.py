@@ -17,7 +17,7 @@ from plantfit.controllers import tune
 from plantfit.errors import SimulationError
 from plantfit.fitting import Answer
 from plantfit.recording import Recording, read
-from plantfit.report.pages.controller_page import write_controller_page
+from plantfit.report.pages.controller import write_controller_page
 from plantfit.spec import with_additions
 from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record
 

@@ -16,7 +16,7 @@ from plantfit.report.figures import style
 from plantfit.report.figures.control.loops import loop_figure
 from plantfit.report.figures.missing import share_figure
 from plantfit.report.figures.style import Figure
-from plantfit.report.pages.controller_page import COLUMNS, named, table_rows
+from plantfit.report.pages.controller import COLUMNS, named, table_rows
 from plantfit.report.schema import Round
 
 SENSOR = 6.43  # deg/s, one step of the speed that the board reports

@@ -9,7 +9,7 @@ from plantfit.estimate import ekf, smoothed
 from plantfit.estimators import Estimators, estimate_parameters
 from plantfit.fitting import Answer
 from plantfit.recording import Recording
-from plantfit.report.sections.estimators import estimators_page
+from plantfit.report.pages.estimators import estimators_page
 
 PUSHED = {"i": 0.0, "w": 0.0}  # the bench has no process noise
 

@@ -1,1 +1,1 @@
-"""Tables and sections of the report."""
+"""Sections of the report of a fit, and the sentences and tables that pages share."""

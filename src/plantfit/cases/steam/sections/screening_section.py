@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.problem.problem import Problem
 from plantfit.report.numbers import significant
-from plantfit.report.sections import sensitivity as sensitivity_section
+from plantfit.report.pages import sensitivity as sensitivity_section
 from plantfit.trust.sensitivity.salib_extra import MISSING
 from plantfit.trust.sensitivity.screening import Screening, morris
 

@@ -22,7 +22,7 @@ def look(path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | N
     check_place(to)
     from plantfit.first_look import look as looked
     from plantfit.report.case_page import write_case_page
-    from plantfit.report.sections.looked import look_page
+    from plantfit.report.pages.looked import look_page
 
     fitted = {o: masks[0] for o in own_out} if masks else None
     unseen = {o: masks[1] for o in own_out} if masks else None

@@ -99,7 +99,7 @@ def _progress(say: Callable[[str], None] | None) -> Callable[[int, int, float], 
 
 def _written(found: "ExperimentDesign", record: Mapping[str, Any], target: Path, page: Path) -> list[Path]:
     from plantfit.recording import to_csv
-    from plantfit.report.pages.next_experiment_page import write_next_experiment_page
+    from plantfit.report.pages.next_experiment import write_next_experiment_page
 
     to_csv(found.recording, target)
     signals = {n: (found.recording[n], s.unit) for n, s in found.recording.signals.items()}
@@ -111,7 +111,7 @@ def _written(found: "ExperimentDesign", record: Mapping[str, Any], target: Path,
 def _show(record: Mapping[str, Any]) -> None:
     """Verdict and table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
-    from plantfit.report.pages.next_experiment_page import COLUMNS, asked, error_rows
+    from plantfit.report.pages.next_experiment import COLUMNS, asked, error_rows
     from plantfit.report.text import columns
 
     verdict(dict(record))

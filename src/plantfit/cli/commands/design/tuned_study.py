@@ -75,7 +75,7 @@ def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: 
     """Page, JSON and C files of a controller. Raises StoreError where a file of the user would be replaced."""
     from plantfit.cli.terminal.out import plain
     from plantfit.folders import may_be_written
-    from plantfit.report.pages.controller_page import write_controller_page
+    from plantfit.report.pages.controller import write_controller_page
 
     data = page.with_suffix(".json")
     if not may_be_written(data):
@@ -89,7 +89,7 @@ def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: 
 def show(record: Mapping[str, Any]) -> None:
     """Verdict, wishes and the table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
-    from plantfit.report.pages.controller_page import COLUMNS, asked, reduction, table_rows
+    from plantfit.report.pages.controller import COLUMNS, asked, reduction, table_rows
     from plantfit.report.text import columns
 
     verdict(dict(record))

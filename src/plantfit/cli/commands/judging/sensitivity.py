@@ -92,7 +92,7 @@ def _groups(texts: list[str]) -> dict[str, list[str]] | None:
 
 def _page(found: Any, name: str, place: str) -> Path:
     from plantfit.report.case_page import write_case_page
-    from plantfit.report.sections.sensitivity import screening_section, sobol_section
+    from plantfit.report.pages.sensitivity import screening_section, sobol_section
     from plantfit.trust import Screening
 
     section = screening_section({"answer" if found.radius else "box": found}) if isinstance(found, Screening) else sobol_section(found)
