@@ -17,11 +17,11 @@ from plantfit.trust.intervals.kinds.told import interval_sentences
 ONE = {"u": "1", "y": "1"}
 
 
-def line(u, y, bounds=(-10.0, 10.0)):
+def line(u, y, bounds=(-10.0, 10.0), **options):
     """The answer of y = a + b*u to samples (n,) a second apart."""
     model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
     record = pf.from_arrays({"u": u, "y": y}, period=1.0, units=ONE)
-    return pf.fit(pf.Problem(model, record, {"a": bounds, "b": bounds}), seed=1)
+    return pf.fit(pf.Problem(model, record, {"a": bounds, "b": bounds}, **options), seed=1)
 
 
 def slow_noise(rng, n, rho, sd):
@@ -118,15 +118,15 @@ def test_of_200_records_each_kind_holds_the_truth_in_95_percent():
 @pytest.mark.slow
 def test_under_coloured_noise_each_kind_holds_the_truth_in_95_percent():
     held = {"covariance": 0, "profile": 0, "bootstrap": 0, "posterior": 0}
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
+    for seed in range(60):
+        rng = np.random.default_rng(1000 + seed)
         u = np.repeat(rng.uniform(-1, 1, 40), 10)
         y = 1 + 2 * u + slow_noise(rng, 400, 0.8, 0.3)
-        found = pf.compare_intervals(line(u, y), kinds=tuple(held), replicates=300, draws=500, parameters=["b"], seed=seed)
+        answer = line(u, y, standard_errors="robust")  # a model without states has classical ones by itself, and says so
+        found = pf.compare_intervals(answer, kinds=tuple(held), replicates=300, draws=300, parameters=["b"], seed=seed)
         for k in found.record["parameters"][0]["kinds"][1:]:
             held[k["kind"]] += k["low"] <= 2 <= k["high"]
-    assert min(held.values()) >= 87, held
-    assert max(held.values()) <= 100, held
+    assert min(held.values()) >= 52, held  # of 60; binomial(60, 0.95): 53 to 60 in 95 % of seeds
 
 
 def test_the_order_of_the_noise_is_found_and_a_slow_misfit_is_no_noise():

@@ -169,7 +169,8 @@ def _one(findings: Findings) -> str:
 
 def _allow(findings: Findings) -> str:
     """What standard errors make of correlated residuals."""
-    return "do not allow for it" if findings.get("standard_errors", {}).get("kind") == "classical" else "allow for it"
+    classical = findings.get("standard_errors", {}).get("kind") == "classical"
+    return 'do not allow for it (standard_errors = "robust" does)' if classical else "allow for it"
 
 
 def _residual(findings: Findings, row: Row) -> Sentence:
