@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import netcdf_file
 from scipy.signal import lfilter
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 import plantfit as pf
@@ -222,3 +222,17 @@ def test_blocks_are_as_long_as_the_noise_remembers(white):
 def test_refusals(white, asked, words):
     with pytest.raises(SpecError, match=words):
         pf.compare_intervals(white[2], **asked)
+
+
+def test_profiles_of_puromycin_are_those_of_r():
+    # R 4, datasets::Puromycin (treated), confint(nls(rate ~ Vm*conc/(K + conc))), whose threshold is Student's t with 10 degrees of freedom
+    published = {"Vm": (197.30212848, 229.29006490), "K": (0.04692517, 0.08615995)}
+    concentration = np.repeat([0.02, 0.06, 0.11, 0.22, 0.56, 1.10], 2)
+    rate = np.array([76, 47, 97, 107, 123, 139, 159, 152, 191, 201, 207, 200.0])
+    model = pf.equations("y = Vm*u/(K + u)", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["Vm", "K"], name="enzyme", check=False)
+    record = pf.from_arrays({"u": concentration, "y": rate}, period=1.0, units=ONE)
+    answer = pf.fit(pf.Problem(model, record, {"Vm": (50.0, 500.0), "K": (0.001, 1.0)}), seed=1)
+    level = float(chi2.cdf(student.ppf(0.975, 10) ** 2, 1))
+    found = pf.compare_intervals(answer, kinds=("profile",), level=level)
+    for name, ends in published.items():
+        assert (found.profiles[name].low, found.profiles[name].high) == pytest.approx(ends, rel=2e-3)
