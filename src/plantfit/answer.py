@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import PlantfitError, RecordingError
+from plantfit.errors import PlantfitError, RecordingError, SpaceError
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.new_recording import predict_over
@@ -19,7 +19,9 @@ from plantfit.recording.record import Recording
 from plantfit.recording.told import listed
 from plantfit.report import answer_html, fit_plot, summary_text, write_report
 from plantfit.trust.assess import assess
+from plantfit.trust.intervals.bands import Band, bands
 from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.intervals.plausible import plausible
 from plantfit.trust.stated_errors.shared_error import SharedError
 
 if TYPE_CHECKING:
@@ -180,6 +182,23 @@ class Answer:
         if recording is None:
             recording = next(iter(self.problem.experiments))
         return predict_over(self.problem, self._vector, recording, values)
+
+    def bands(
+        self, recording: str | Recording | Experiment | None = None, *, level: float = 0.95, draws: int = 200, seed: int = 1
+    ) -> dict[str, Band]:
+        """Where every output lies over a recording (as `predict` takes it) at `level`, for all parameters that the data allow.
+
+        `draws` plants are drawn from the covariance of the answer and over the ranges of what the data leave open; readings scatter
+        about them as the residuals of the fit do. Same seed, same bands. Raises what `predict` raises, SpaceError for a level or a number
+        of draws that cannot be, and SearchError where hardly a draw is a plant.
+        """
+        if not 0.5 <= level <= 0.999 or not 20 <= draws <= 20_000:
+            raise SpaceError(f"level {level:g} and {draws} draws cannot be; give 0.5 to 0.999, and 20 to 20000.")
+        if recording is None:
+            recording = next(iter(self.problem.experiments))
+        drawn = plausible(self.problem, np.asarray(self.best.x), self.findings["parameters"], draws, seed)
+        noise = self.score("fit")
+        return bands(lambda v: predict_over(self.problem, v, recording, None), drawn.values, noise, level)
 
     def score(self, part: str = "validation") -> dict[str, float]:
         """RMSE of every output, in its unit, on part "fit" or "validation", over all recordings."""

@@ -28,7 +28,7 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "run", "heater.toml")
     assert said.code == 0, said.err
     assert "determine 4 of 4 parameters" in said.out
-    assert (folder / "heater.html").stat().st_size > 1e6
+    assert (folder / "heater.html").stat().st_size > 6e5
 
     said = call(capsys, monkeypatch, "list", "--json")
     assert [(s["id"], s["name"], s["state"]) for s in json.loads(said.out)] == [(1, "heater", "done")]
@@ -43,6 +43,12 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "predict", "heater.toml", "--json")
     assert json.loads(said.out)["rmse"]["T"] < 0.06
     assert (folder / "predicted.csv").read_text().startswith("t [s],")
+    banded = json.loads(call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--json").out)
+    assert banded["bands"]["level"] == 0.95
+    assert banded["bands"]["held"]["T"] == pytest.approx(0.95, abs=0.035)  # 400 readings
+    assert "T_low [degC],T_high [degC],T_read_low [degC],T_read_high [degC]" in (folder / "predicted.csv").read_text()
+    refused = call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--set", "K=0.4")
+    assert refused.err == "plantfit: --bands are those of the study's own parameters; leave --set out.\n"
     far = call(capsys, monkeypatch, "predict", "heater.toml", "--set", "K=0.4", "--json")
     assert json.loads(far.out)["rmse"]["T"] > 5
 

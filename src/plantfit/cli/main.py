@@ -294,13 +294,17 @@ def predict(
         int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")
     ] = None,
     recording: Annotated[str | None, typer.Option("--recording", help="Which recording of the study file; the first if left out.")] = None,
+    bands: Annotated[
+        bool, typer.Option("--bands", help="Also where plant and readings lie for all parameters that the data allow.")
+    ] = False,
+    level: Annotated[str, typer.Option("--level", help="Of the bands, as in 95%.")] = "95%",
     store: StorePlace = STORE,
     json: Json = False,
 ) -> None:
     """Simulate a study's model over a recording at its best parameters and write a CSV."""
     from plantfit.cli.commands import predict as command
 
-    command.predict(spec, out, values or [], study, recording, store, json)
+    command.predict(spec, out, values or [], study, recording, level if bands else None, store, json)
 
 
 @app.command()

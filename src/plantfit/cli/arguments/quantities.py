@@ -52,3 +52,12 @@ def texts_by_name(option: str, texts: Sequence[str]) -> dict[str, str]:
             raise SpecError(f"{option} {text!r} cannot be read; write NAME=NUMBER, as in {option} u=5.")
         found[name.strip()] = value.strip()
     return found
+
+
+def fraction(option: str, text: str) -> float:
+    """0.95 of "95%", "95 %" and "0.95"; raises SpecError."""
+    number, sign, rest = text.strip().partition("%")
+    if rest.strip() or re.fullmatch(_NUMBER, number.strip()) is None:
+        raise SpecError(f"{option} {text!r} is no share; write for example {option} 95%.")
+    value = float(number)
+    return value / 100.0 if sign or value > 1.0 else value

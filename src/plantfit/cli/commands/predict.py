@@ -1,18 +1,31 @@
 """`plantfit predict`: simulate at the best parameters, or at given ones, and write a CSV."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from plantfit.cli.arguments.quantities import fraction
 from plantfit.cli.arguments.values import values_at
-from plantfit.cli.terminal.out import out, print_json
+from plantfit.cli.terminal.out import out, print_json, said_line
+from plantfit.errors import SpecError
+
+if TYPE_CHECKING:
+    from plantfit.problem import Experiment
+    from plantfit.trust.intervals.bands import Band
 
 
-def predict(spec: str, place: str, values: list[str], study: int | None, recording: str | None, store: str, json: bool) -> None:
-    """Write measured and simulated outputs over a whole recording."""
+def predict(
+    spec: str, place: str, values: list[str], study: int | None, recording: str | None, level: str | None, store: str, json: bool
+) -> None:
+    """Write measured and simulated outputs over a whole recording, with bands at `level` where it is given."""
     from plantfit import recording as rec
     from plantfit import spec as specs
     from plantfit.problem.accuracy.steps import choose_substeps, steps_for
 
     loaded = specs.load(spec)
+    share = None if level is None else fraction("--level", level)
+    if share is not None and values:
+        raise SpecError("--bands are those of the study's own parameters; leave --set out.")
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)
     vector = problem.space.vector(named)
@@ -23,13 +36,36 @@ def predict(spec: str, place: str, values: list[str], study: int | None, recordi
     signals = dict(source.signals)
     for output, y in predicted.items():
         signals[f"{output}_simulated"] = rec.Signal(y, source.signals[output].unit)
+    held: dict[str, float] = {}
+    if share is not None:
+        for output, band in _bands(loaded.name, study, store, problem.experiments[name], share, json).items():
+            unit = source.signals[output].unit
+            signals |= {f"{output}_low": rec.Signal(band.low, unit), f"{output}_high": rec.Signal(band.high, unit)}
+            signals |= {f"{output}_read_low": rec.Signal(band.read_low, unit), f"{output}_read_high": rec.Signal(band.read_high, unit)}
+            held[output] = band.held(source[output])
     path = rec.to_csv(rec.Recording(source.t, signals, source.name), place) or place
     scores = {}
     for output, y in predicted.items():
         error = y - source[output]
         scores[output] = float(np.sqrt(np.nanmean(error**2)))
     if json:
-        return print_json({"file": str(path), "recording": name, "parameters": named, "rmse": scores})
+        told = {"bands": {"level": share, "held": held}} if held else {}
+        return print_json({"file": str(path), "recording": name, "parameters": named, "rmse": scores, **told})
     for output, rmse in scores.items():
         out.print(f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}", markup=False)
+    for output, part in held.items():
+        out.print(f"{output}: {100 * part:.3g} % of the readings lie in the band of {100 * (share or 0):g} %.", markup=False)
     out.print(f"Written: {path}", markup=False)
+
+
+def _bands(name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool) -> "dict[str, Band]":
+    """Bands of the newest study of that name, or of study `number`, over an experiment."""
+    from plantfit.reopen import open_study
+    from plantfit.study import Store
+
+    opened = Store.open(store, create=False)
+    own = [r for r in opened.studies() if (r.id == number if number is not None else r.name == name)]
+    with said_line(quiet=json) as say:
+        if say:
+            say("drawing plants that the data allow")
+        return open_study(own[-1].id, opened).bands(experiment, level=level)

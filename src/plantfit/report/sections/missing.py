@@ -24,8 +24,9 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
     if found.residuals:
         label = f"Residuals over time with the model as it is and with {listed(found.with_)}."
         change = drawings.add(figures.residual_change_figure(found.residuals[:MOST_PANELS], POINTS), label)
+    told = {v.sentence for v in record.verdict}  # stands on top of the page already
     return {
-        "sentences": [_said(v.level, v.sentence) for v in found.verdict],
+        "sentences": [_said(v.level, v.sentence) for v in found.verdict if v.sentence not in told],
         "bars": bars,
         "change": change,
         "with_it": listed(found.with_) if found.with_ else "",

@@ -42,7 +42,7 @@ def problem_looks(problem: Problem) -> list[Look]:
 
 def _stepped(e: Experiment, model: Model, look: Look) -> bool:
     """Whether an input that never moves was another before the record: it begins with a step."""
-    if look.kind != "constant" or look.signal not in e.before:
+    if look.kind != "constant" or look.signal is None or look.signal not in e.before:
         return False
     return before_in_units(e.recording, e.before, model.inputs)[look.signal] != look.figures["value"]
 

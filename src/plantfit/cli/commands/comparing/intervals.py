@@ -32,7 +32,7 @@ def intervals(
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
     from plantfit import spec as specs
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.arguments.quantities import texts_by_name
+    from plantfit.cli.arguments.quantities import fraction, texts_by_name
     from plantfit.cli.commands.comparing.fitted import answers_of, from_file, from_store
     from plantfit.cli.commands.comparing.stored import number_of
     from plantfit.cli.terminal.out import out as screen
@@ -46,7 +46,7 @@ def intervals(
     wanted = [k.strip() for k in kinds.split(",") if k.strip()]
     if (posterior or prior or save_draws) and "posterior" not in wanted:
         wanted.append("posterior")
-    share = _level(level)
+    share = fraction("--level", level)
     priors = texts_by_name("--prior", prior or [])
     if save_draws and Path(save_draws).exists():
         raise StoreError(f"{save_draws} is there already; give another place with --save-draws.")
@@ -79,20 +79,6 @@ def intervals(
     verdict(dict(found.record))
     screen.print("\n" + found.table(), markup=False)
     screen.print(f"\nReport: {', '.join(written.values())}", markup=False)
-
-
-def _level(text: str) -> float:
-    """0.95 of "95%", "95 %" and "0.95"; raises SpecError."""
-    from plantfit.errors import SpecError
-
-    number, sign, rest = text.strip().partition("%")
-    try:
-        value = float(number)
-    except ValueError:
-        value = float("nan")
-    if rest.strip() or not value == value:
-        raise SpecError(f"--level {text!r} is no share; write for example --level 95%.")
-    return value / 100.0 if sign or value > 1.0 else value
 
 
 __all__ = ["intervals"]
