@@ -76,13 +76,69 @@ def test_a_study_runs_with_model_reader_and_method_of_a_package(bench_tools):
 def test_the_parts_of_the_package_pass_their_exams(bench_tools):
     code = (
         "from pathlib import Path\nimport bench_tools as b, plantfit as pf\n"
-        "from plantfit.testing import check_model, check_optimizer, check_reader\n"
+        "from plantfit.testing import check_look, check_model, check_optimizer, check_reader\n"
         "check_model(b.leaky_tank()); check_reader(b.read_blog, 'tank.blog'); check_optimizer(b.ShrinkingBox())\n"
+        "check_look(b.hum)\n"
         "check_model(pf.models.make('leaky_tank'))\n"
         "print(pf.methods.names()[-1], pf.models.names()[-1], pf.methods.describe(b.ShrinkingBox()).split(':')[0])\n"
         "print(pf.read('tank.blog', time='time [s]', signals={'h': 'h [m]'}).signals['h'].unit)\n"
     )
     assert run(bench_tools, code=code).split() == ["shrinking_box", "leaky_tank", "shrinking_box", "m"]
+
+
+def test_a_look_of_a_package_is_said_beside_those_of_plantfit(bench_tools, tmp_path):
+    folder, _ = bench_tools
+    t = np.arange(2000) / 1000
+    tone = 0.5 * np.sin(2 * np.pi * 50 * t + 1.0)
+    y = np.where(t < 1, 0.0, 1 - np.exp(-(t - 1) / 0.1)) + 0.01 * np.random.default_rng(1).normal(size=2000)
+    study = (
+        'name = "lag"\n[recording.a]\nfile = "a.csv"\ntime = "t"\n[model]\nequations = "x\' = (K*u - x)/tau; y = x"\ninputs = { u = "1" }\n'
+        'outputs = { y = "1" }\nstates = { x = "1" }\n[parameters.K]\nbounds = [0.1, 10]\n'
+        '[parameters.tau]\nbounds = [0.01, 1]\nunit = "s"\n'
+    )
+    (tmp_path / "lag.toml").write_text(study)
+    for hums in (True, False):
+        rows = np.column_stack([t, t >= 1, y + (tone if hums else 0)])
+        np.savetxt(tmp_path / "a.csv", rows, "%.9g", ",", header="t [s],u,y", comments="")
+        looks = json.loads(run((folder, tmp_path), "check", "lag.toml", "--json"))["data"]
+        found = [k for k in looks if k["kind"] == "hum"]
+        assert len(found) == hums, looks
+        if hums:
+            assert found[0]["sentence"].startswith("y hums with 50 Hz and an amplitude of 0.")
+            assert "lowpass" in found[0]["write"]
+
+
+def test_a_look_that_fails_is_one_sentence(tmp_path, monkeypatch):
+    from plantfit.recording.looks.of_packages import looks_of_packages
+    from plantfit.recording.record import Recording, Signal
+
+    metadata(tmp_path, "bad-tools", "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    offered.cache_clear()
+    told = [k.sentence for k in looks_of_packages(Recording(np.arange(3.0), {"y": Signal(np.ones(3))}, "r"), "y", True)]
+    offered.cache_clear()
+    assert told[0].startswith("The look 'a' of the package bad-tools failed at y (TypeError")
+    assert "cannot be loaded (ModuleNotFoundError" in told[1]
+    assert told[2].startswith("The look 'c' of the package bad-tools failed at y (TypeError")
+
+
+@pytest.mark.parametrize("wrong", ["fails", "noisy", "no look", "no sentence", "outside"])
+def test_the_exam_of_looks_refuses(wrong):
+    from plantfit.recording.looks import Look
+    from plantfit.testing import check_look
+
+    def look(recording, name, measured):
+        y, t = recording[name], recording.t
+        there = np.isfinite(y)
+        if wrong == "fails":
+            return [int(np.nanmax(y))]
+        if wrong == "noisy" or (there.any() and np.ptp(y[there]) > 100):
+            sentence = "It jumps" if wrong == "no sentence" else "It jumps."
+            return ["jumps"] if wrong == "no look" else [Look("a", "info", "r", name, sentence, t[0], t[-1] + (wrong == "outside"))]
+        return []
+
+    with pytest.raises(AssertionError):
+        check_look(look)
 
 
 def test_what_is_wrong_with_a_package_is_one_sentence(tmp_path):

@@ -176,6 +176,8 @@ def test_draws_are_saved_with_their_dimensions_and_units(found, tmp_path):
 
 def test_the_same_seed_draws_the_same_and_few_draws_are_told(white):
     one, same = (pf.compare_intervals(white[2], kinds=("posterior",), draws=100, chains=2, seed=4) for _ in range(2))
+    assert one.draws is not None
+    assert same.draws is not None
     assert np.array_equal(one.draws.values, same.draws.values)
     assert any("give more --draws" in v["sentence"] for v in one.record["verdict"])
 

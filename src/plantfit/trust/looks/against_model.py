@@ -10,6 +10,7 @@ from plantfit.models.model import Model
 from plantfit.problem.measure.experiment import Experiment, before_in_units
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
+from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
 from plantfit.trust.validate.residual_tests import white_part
 
@@ -34,6 +35,8 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += [_still(problem, name, look) for look in signal_looks(recording, u, measured=False) if not _stepped(e, model, look)]
         for y in problem.outputs:
             found += signal_looks(recording, y, measured=True)
+        for signal, measured in (*((u, False) for u in model.inputs), *((y, True) for y in problem.outputs)):
+            found += looks_of_packages(recording, signal, measured)
         found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
         found += _times(problem, recording)
         found += _start(problem, model, recording)

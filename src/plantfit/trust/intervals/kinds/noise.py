@@ -118,7 +118,7 @@ def _portmanteau(left: np.ndarray, rows: np.ndarray, order: int) -> float:
     return float(chdtrc(lags - order, n * (n + 2) * total))
 
 
-def log_likelihood(noises: list[OutputNoise], residuals: jax.Array) -> jax.Array:
+def log_likelihood(noises: list[OutputNoise], residuals: jax.Array | np.ndarray) -> jax.Array:
     """Log likelihood of residuals (m,), the variance and the coefficients of each output integrated out.
 
     A flat prior of the coefficients and 1/sigma of the scale leave -(n - p)/2 log S - 1/2 log det X'X, with S the sum of squares of the
