@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,7 +128,7 @@ def test_the_exam_of_looks_refuses(wrong):
     from plantfit.recording.looks import Look
     from plantfit.testing import check_look
 
-    def look(recording, name, measured):
+    def look(recording, name, measured) -> Any:
         y, t = recording[name], recording.t
         there = np.isfinite(y)
         if wrong == "fails":

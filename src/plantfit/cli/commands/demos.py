@@ -18,8 +18,9 @@ def listed(json: bool) -> None:
     rows = {name: sentence for name, (sentence, _) in demos().items()}
     if json:
         return print_json(rows)
+    width = max(map(len, rows))
     for name, sentence in rows.items():
-        out.print(f"{name:12} {sentence}", markup=False)
+        out.print(f"{name:{width}}  {sentence}", markup=False)
 
 
 def demo(name: str, folder: str, full: bool, json: bool) -> None:
