@@ -17,7 +17,7 @@ from plantfit.rig.offered import names, offered
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "papers.md").read_text("utf-8")
 COMMANDS = list(dict.fromkeys(re.findall(r"`plantfit ([^`]+)`", PAGE)))
 SHOWN = re.findall(r"`plantfit demo (\w+)`(?: \[([^\]]+)\])?(?!\()", PAGE)
-ALL = typer.main.get_command(app).commands
+ALL = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def options_of(name):

@@ -82,7 +82,7 @@ class Watch:
     def see(self, points: np.ndarray, residuals: np.ndarray) -> None:
         """Points (n, d) and rows (n, k) whose mean square is the cost."""
         self._points.append(np.array(points))
-        self._costs.append(Rows(residuals, residuals, points).cost / residuals.shape[1])
+        self._costs.append(Rows(residuals, residuals, points).squares / residuals.shape[1])
 
     def _around(self, function: Callable) -> Callable:
         def watched(z: Any) -> Any:
