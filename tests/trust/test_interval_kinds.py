@@ -238,3 +238,24 @@ def test_profiles_of_puromycin_are_those_of_r():
     found = pf.compare_intervals(answer, kinds=("profile",), level=level)
     for name, ends in published.items():
         assert (found.profiles[name].low, found.profiles[name].high) == pytest.approx(ends, rel=2e-3)
+
+
+def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
+    def kind(name, low, high, *, open_=False):
+        return {"kind": name, "low": low, "high": high, "open_low": open_, "open_high": open_}
+
+    def told(*parameters, block=1):
+        rows = [
+            {"name": n, "unit": "1", "value": 1.0, "standard_error": 0.1, "status": "determined", "kinds": kinds} for n, kinds in parameters
+        ]
+        bootstrap = {"block": {"y": block}, "blocks": {"y": 100}, "lost": 0, "replicates": 100}
+        return [v["sentence"] for v in interval_sentences({"parameters": rows, "bootstrap": bootstrap, "posterior": None, "refused": {}})]
+
+    open_ = ("c", [kind("profile", 0.0, 9.0, open_=True), kind("bootstrap", 0.0, 9.0, open_=True)])
+    narrow = ("k", [kind("profile", 0.0, 2.0), kind("bootstrap", 0.5, 1.5)])
+    same = ("k", [kind("profile", 0.0, 2.0), kind("bootstrap", 0.1, 2.1)])
+    assert told(open_) == ["No kind of interval sets an end of c within the bounds of the search."]
+    assert told(same) == ["All kinds agree on k: ends of their intervals lie at most 10 % of half a width apart."]
+    assert "slow part" in told(narrow, block=30)[0]
+    assert "slow part" not in told(narrow)[0]
+    assert "another parameter meets a bound of the search" in told(narrow, open_)[0]

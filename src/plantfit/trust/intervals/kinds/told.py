@@ -27,18 +27,23 @@ def apart(one: Row, other: Row) -> float:
 
 
 def _agreement(record: Mapping[str, Any]) -> list[dict[str, str]]:
-    alike, worst, lines = [], 0.0, []
+    alike, worst, lines, unset = [], 0.0, [], []
     for p in record["parameters"]:
         drawn = [k for k in p["kinds"] if k["low"] is not None]
         if len(drawn) < 2:
             continue
         reference = next((k for k in drawn if k["kind"] == "profile"), drawn[0])
+        if all(k["open_low"] and k["open_high"] for k in drawn):
+            unset.append(p["name"])
+            continue
         others = [(k, apart(reference, k)) for k in drawn if k is not reference]
         far = [(k, d) for k, d in others if d > ALIKE]
         if not far:
             alike.append(p["name"])
             worst = max([worst, *(d for _, d in others)])
         lines += [_disagreement(p, reference, k, record) for k, _ in far]
+    if unset:
+        lines.append(_line("info", f"No kind of interval sets an end of {_list(unset)} within the bounds of the search."))
     if not alike:
         return lines
     said = f"All kinds agree on {_list(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a width apart."
@@ -65,9 +70,13 @@ def _reason(one: Row, other: Row, width: float, record: Mapping[str, Any]) -> st
     if kind == "bootstrap":
         if other["open_low"] or other["open_high"]:
             return "refits end on a bound of the search."
+        if any(k["open_low"] or k["open_high"] for p in record["parameters"] for k in p["kinds"] if k["kind"] != "verdict"):
+            return "another parameter meets a bound of the search, at which refits stay; the wider one is the safer one."
         if width > 1:
             return "refits scatter more than the cost foretells: there may be a second optimum, or noise that grows with the signal."
-        return "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
+        if record["bootstrap"] and max(record["bootstrap"]["block"].values(), default=1) > 1:
+            return "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
+        return "refits tell where estimates fall, the profile what values cost; the wider one is the safer one."
     posterior = record["posterior"]
     if posterior["priors"]:
         return "it knows the priors too."
