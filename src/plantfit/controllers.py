@@ -17,7 +17,7 @@ from plantfit.control.tune.pid_design import MOST_SAMPLES, PidDesign, Wishes, co
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
 from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.told import curves, table, verdict
-from plantfit.errors import ModelError, SimulationError, SpecError, UnitError
+from plantfit.errors import ModelError, SimulationError, SpecError
 from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable, validated
 from plantfit.trust.intervals.plausible import Plausible, plausible
@@ -198,7 +198,7 @@ def _others(answer: Answer, model: Model, input_: str, chosen: ControlTable, rec
             continue
         given = chosen.inputs.get(name)
         values = answer.problem.experiments[recording].recording[name]
-        found[name] = float(np.nanmedian(values)) if given is None else in_unit(f"[control] inputs.{name}", given, unit)
+        found[name] = float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
     return found
 
 
@@ -213,24 +213,6 @@ def _plants(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.nd
     return found
 
 
-def in_unit(place: str, value: float | str, unit: str | None, difference: bool = False) -> float:
-    """A number, or a text with a unit in that of the study; a temperature difference by its size."""
-    try:
-        return float(value)  # a bare number is in the study's unit
-    except ValueError:
-        pass
-    try:
-        number, given = units.quantity(str(value))
-    except UnitError as error:
-        raise UnitError(f"{place}: {error}") from None
-    if unit is None:
-        return number
-    try:
-        return number * units.factor(given, unit) if difference else float(units.convert(number, given, unit))
-    except UnitError as error:
-        raise UnitError(f"{place} = {value!r}: {error}") from None
-
-
 def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str, proposed: dict[str, str]) -> Wishes:
     """All wishes in the study's units; `proposed` learns what was not asked for."""
     model, output, input_ = loop.model, loop.output, loop.input
@@ -240,7 +222,7 @@ def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str,
 
     def given(name: str, unit: str | None, difference: bool = False) -> float | None:
         value = getattr(chosen, name)
-        return None if value is None else in_unit(f"[control] {name}", value, unit, difference)
+        return None if value is None else units.in_unit(f"[control] {name}", value, unit, difference)
 
     u = np.concatenate([r[input_] for r in used])
     limits = [given("lower", unit_u), given("upper", unit_u)]

@@ -14,7 +14,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import ModelError, SimulationError, SpecError
-from plantfit.estimate.comparison import SURE, compare_estimates
+from plantfit.estimate.comparison import SURE
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.filters.beliefs import FilterRun
 from plantfit.estimate.filters.consistency import chi_squared_test
@@ -22,13 +22,14 @@ from plantfit.estimate.filters.kalman import ekf, kalman_filter, ukf
 from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood
 from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.filters.state_space import LOGIT_SPREAD
+from plantfit.estimate.methods.agreement import Estimated, agreement
 from plantfit.estimate.methods.levels import Asked, asked
 from plantfit.estimate.methods.likely import likely
 from plantfit.estimate.methods.over_records import Runs, over_recordings
 from plantfit.estimate.methods.proposals import Scales, filterable, proposed, scales_at, stepped_evenly
+from plantfit.estimate.methods.told import verdict_of
 from plantfit.fitting import fit
 from plantfit.problem.problem import Problem
-from plantfit.recording.told import listed
 from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.estimators import estimators_page, estimators_rows, noise_rows
 from plantfit.report.text import columns
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 LEAST_SQUARES, LIKELIHOOD = "least squares", "maximum likelihood"
 FILTERS = {"ekf": "EKF", "ukf": "UKF", "kalman": "Kalman filter"}
 NEAR = 5.0  # standard errors of the answer that a filter begins with where the box misleads it; narrows its intervals by 2 %
-MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -149,13 +149,13 @@ def estimate_parameters(
         "parameters": _parameters(problem, estimates, truth, likelihood.at_bound if likelihood is not None else ()),
         "noise": _noise(problem, noise, likelihood, left_out, proposal.proposed),
         "filters": [_told_of(m, r) for m, r in filters.items()],
-        "agreement": _agreement(estimates),
+        "agreement": agreement(estimates),
         "assumed": [*proposal.assumed, *left_out, *remarks],
         "log_likelihood": None if likelihood is None else likelihood.log_likelihood,
     }
     tested = record["agreement"]
     record["agree"] = not any(p["differs"] for p in tested) if tested else None
-    record["verdict"] = _verdict(record, likelihood)
+    record["verdict"] = verdict_of(record, None if likelihood is None else likelihood.at_bound)
     runs = {FILTERS[m]: dict(r.runs) for m, r in filters.items()}
     matrix = _square(problem, worth)
     return Estimators(record, answer, problem, noise, scales, likelihood, runs, believed, matrix)
@@ -228,8 +228,6 @@ def _answer(study: Study | Answer | Problem) -> Answer:
 
 
 # -- methods ----------------------------------------------------------------------------------------
-
-Estimated = tuple[Estimate, Mapping[str, tuple[float | None, float | None]]]
 
 
 def _least_squares(answer: Answer) -> Estimated:
@@ -394,92 +392,9 @@ def innovation_memory(runs: Sequence[FilterRun]) -> dict[str, float]:
     return found
 
 
-def _agreement(estimates: Mapping[str, Estimated]) -> list[dict[str, Any]]:
-    """Every two methods, with p-values corrected for how many pairs there are (Holm)."""
-    pairs, methods = [], list(estimates)
-    for i, a in enumerate(methods):
-        for b in methods[i + 1 :]:
-            names = [n for n in estimates[a][0].names if _known(estimates[a], n) and _known(estimates[b], n)]
-            if not names:
-                continue
-            found = compare_estimates(_part(estimates[b][0], names), _part(estimates[a][0], names), (b, a))
-            pairs.append(
-                {"first": b, "second": a, "statistic": found.statistic, "degrees": found.degrees, "p": found.p_value,
-                 "sentence": found.sentence}
-            )  # fmt: skip
-    worst = 0.0
-    for k, pair in enumerate(sorted(pairs, key=lambda p: p["p"])):
-        worst = max(worst, min(1.0, (len(pairs) - k) * pair["p"]))
-        pair |= {"p_adjusted": worst, "differs": worst < SURE}
-    return pairs
-
-
-def _known(estimated: Estimated, name: str) -> bool:
-    estimate, interval = estimated
-    if name not in estimate.names or None in interval[name]:
-        return False
-    error = estimate.standard_error[estimate.names.index(name)]
-    return bool(np.isfinite(error) and error > 0)
-
-
-def _part(estimate: Estimate, names: Sequence[str]) -> Estimate:
-    at = [estimate.names.index(n) for n in names]
-    return Estimate(tuple(names), estimate.values[at], estimate.covariance[np.ix_(at, at)])
-
-
 def _square(problem: Problem, estimate: Estimate) -> np.ndarray:
     at = [estimate.names.index(n) for n in problem.space.names]
     return estimate.covariance[np.ix_(at, at)]
-
-
-def _verdict(record: Mapping[str, Any], likelihood: MaximumLikelihood | None) -> list[dict[str, str]]:
-    told: list[dict[str, str]] = []
-
-    def say(level: str, sentence: str) -> None:
-        told.append({"level": level, "sentence": sentence})
-
-    apart = [p for p in record["agreement"] if p["differs"]]
-    if apart:
-        for p in apart:
-            say("warning", p["sentence"])
-    elif record["agreement"]:
-        least = min(record["agreement"], key=lambda p: p["p_adjusted"])
-        names = listed(record["methods"])
-        said = f"{names[:1].upper()}{names[1:]} agree: no two differ by more than chance lets them"
-        say("good", f"{said} (smallest p {least['p_adjusted']:.2g}, {least['first']} and {least['second']}).")
-    moved = [r["name"] for r in record["noise"] if r["kind"] == "process" and r["value"] > 0]
-    if moved:
-        say(
-            "info",
-            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, maximum likelihood and the filters "
-            "do not; where they differ, believe the likelihood.",
-        )
-    elif likelihood is not None:
-        say("info", "The recordings ask for no process noise: least squares and maximum likelihood assume the same here.")
-    for f in record["filters"]:
-        say("good" if f["nis"]["consistent"] else "warning", f"{f['method']}: {f['nis']['sentence']}")
-        strong = {n: r for n, r in f["memory"].items() if abs(r) > MEMORY}
-        if strong:
-            shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
-            narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
-            say(
-                "warning",
-                f"{f['method']}: neighbouring innovations are correlated ({shown}): its intervals are {narrow}, those of least squares and "
-                "maximum likelihood allow for it.",
-            )
-    if likelihood is not None and likelihood.at_bound:
-        say(
-            "info",
-            f"Held at a bound of its range: {listed(list(likelihood.at_bound))}; what stands beside it looks better known than it is.",
-        )
-    known = [p for p in record["parameters"] if p["truth"] is not None]
-    for method in record["methods"] if known else ():
-        own = [p for p in known if method in p["estimates"] and None not in (p["estimates"][method]["low"], p["estimates"][method]["high"])]
-        hold = [p for p in own if p["estimates"][method]["low"] <= p["truth"] <= p["estimates"][method]["high"]]
-        missed = [p["name"] for p in own if p not in hold]
-        tail = f", not {listed(missed)}" if missed else ""
-        say("info", f"Of {method}, {len(hold)} of {len(own)} intervals hold the truth{tail}.")
-    return told
 
 
 __all__ = ["Estimators", "check_estimable", "estimate_parameters", "estimate_table", "innovation_memory", "known_truth"]

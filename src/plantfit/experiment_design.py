@@ -9,7 +9,6 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.controllers import in_unit
 from plantfit.errors import ModelError, SpecError
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
@@ -21,6 +20,7 @@ from plantfit.trust.experiment.told import difference_sentences, precision_sente
 from plantfit.trust.experiment.trial_record import TrialRecord
 from plantfit.trust.intervals.linearised import residual_blocks
 from plantfit.trust.intervals.plausible import plausible
+from plantfit.units import in_unit
 
 MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000

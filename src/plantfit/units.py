@@ -261,6 +261,27 @@ def convert(value: Any, source: "str | pint.Unit", target: "str | pint.Unit") ->
     return converted if np.ndim(value) else float(converted)
 
 
+def in_unit(place: str, value: float | str, unit: str | None, difference: bool = False) -> float:
+    """A number in `unit`, in which a bare one is taken; a text such as "20 degC" is converted, by its size alone for a `difference`.
+
+    `place` begins the sentence where it cannot be. Raises UnitError.
+    """
+    try:
+        return float(value)
+    except ValueError:
+        pass
+    try:
+        number, given = quantity(str(value))
+    except UnitError as error:
+        raise UnitError(f"{place}: {error}") from None
+    if unit is None:
+        return number
+    try:
+        return number * factor(given, unit) if difference else float(convert(number, given, unit))
+    except UnitError as error:
+        raise UnitError(f"{place} = {value!r}: {error}") from None
+
+
 def per_second(unit: str) -> str:
     """The unit of a time derivative, as text."""
     return "1/s" if unit.strip() in DIMENSIONLESS else f"{unit}/s"

@@ -8,9 +8,9 @@ from scipy.optimize import minimize
 import plantfit as pf
 from plantfit.errors import ModelError, RecordingError, SearchError, SpaceError, SpecError, UnitError
 from plantfit.estimate import Estimate, Noise
+from plantfit.estimate.methods.agreement import agreement
 from plantfit.estimate.methods.likely import likely
 from plantfit.estimate.methods.proposals import proposed, scales_at
-from plantfit.estimators import _agreement
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_estimates_that_differ_are_told_and_those_that_do_not_are_not():
         estimate = Estimate(("K", "tau"), np.array([k, 0.5]), np.diag([0.01, 0.0025]))
         return estimate, {"K": (k - 0.2, k + 0.2), "tau": (0.4, 0.6)}
 
-    pairs = _agreement({"least squares": known(2.0), "maximum likelihood": known(2.1), "EKF": known(3.0)})
+    pairs = agreement({"least squares": known(2.0), "maximum likelihood": known(2.1), "EKF": known(3.0)})
     assert {(p["second"], p["first"]): p["differs"] for p in pairs} == {
         ("least squares", "maximum likelihood"): False, ("least squares", "EKF"): True, ("maximum likelihood", "EKF"): True,
     }  # fmt: skip
@@ -117,7 +117,7 @@ def test_estimates_that_differ_are_told_and_those_that_do_not_are_not():
         assert p["p_adjusted"] >= p["p"]
     assert "EKF differs from least squares by more than chance" in pairs[1]["sentence"]
     held = known(9.0)[0], {"K": (None, None), "tau": (0.4, 0.6)}  # a value that the data leave open is not compared
-    assert [p["degrees"] for p in _agreement({"least squares": known(2.0), "EKF": held})] == [1]
+    assert [p["degrees"] for p in agreement({"least squares": known(2.0), "EKF": held})] == [1]
 
 
 def test_recordings_are_filtered_in_turn_and_the_unseen_part_is_not():

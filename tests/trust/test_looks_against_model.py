@@ -75,7 +75,7 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
     assert "nothing that depends on it can be told" in look.sentence
     (look,) = found(2.0 * (1 - np.exp(-t / 0.5)))  # it settles from its start
     assert look.level == "info"
-    assert look.sentence.endswith("throughout; what it does shows only in how the plant settles from its start.")
+    assert look.sentence.endswith("throughout, so that what it does shows only in how the plant settles from its start.")
     assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
     (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
     assert look.level == "warning"

@@ -16,8 +16,9 @@ LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantise
 LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
 
 
-def signal_looks(recording: Recording, name: str, measured: bool) -> Iterator[Look]:
-    """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen by anyone."""
+def signal_looks(recording: Recording, name: str, measured: bool, settles: bool = False) -> Iterator[Look]:
+    """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen by anyone;
+    `settles` for an input of a plant that moves by itself."""
     t, y = recording.t, recording[name]
     good = np.isfinite(y)
     missing = len(y) - int(good.sum())
@@ -28,9 +29,11 @@ def signal_looks(recording: Recording, name: str, measured: bool) -> Iterator[Lo
     low, high = float(values.min()), float(values.max())
     every = (float(t[0]), float(t[-1]))
     if high == low:
-        what = "nothing that depends on it can be told" if not measured else "there is nothing to fit"
+        level, what = "warning", "and there is nothing to fit" if measured else "and nothing that depends on it can be told"
+        if settles:
+            level, what = "info", "so that what it does shows only in how the plant settles from its start"
         yield Look(
-            "constant", "warning", recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, and {what}.", *every,
+            "constant", level, recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, {what}.", *every,
             figures={"value": low},
         )  # fmt: skip
         return

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from statistics import NormalDist
 from typing import Any
 
+from plantfit.trust.verdict.words import Sentence, say, some
+
 LEAD = 1.02  # times, from which on an input counts as better than another
 BEYOND = 0.5  # of the range that an output had, outside of which it is unknown land
 TOLD_APART = 3.3  # standard deviations, at which 95 % of decisions are right
 
 
-def precision_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def precision_sentences(record: Mapping[str, Any]) -> list[Sentence]:
     """About errors of the parameters."""
     rows = record["parameters"]
     found = [_changed(rows, record)]
@@ -17,17 +19,17 @@ def precision_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
     lost = [r["name"] for r in rows if r["open"]]
     if lost:
         found.append(
-            _line("warning", f"{_list(lost)} would stay open, each by itself, under every input that was tried within these limits; "
+            say("warning", f"{some(lost)} would stay open, each by itself, under every input that was tried within these limits; "
                   "hold or measure one of them, or widen the limits.")
         )  # fmt: skip
     spread = [r for r in rows if r["then"] and r["worst"] and r["worst"] > 1.5 * r["then"]]
     if spread:
         told = ", ".join(f"{r['name']} {r['worst'] / r['then']:.2g} times" for r in spread[:4])
-        found.append(_line("info", f"On other plants that the data allow errors can be larger: {told}."))
+        found.append(say("info", f"On other plants that the data allow errors can be larger: {told}."))
     return [*found, *_common(record)]
 
 
-def difference_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def difference_sentences(record: Mapping[str, Any]) -> list[Sentence]:
     """About two models told apart."""
     far = record["distance"]
     right = 100.0 * NormalDist().cdf(0.5 * far)
@@ -39,16 +41,16 @@ def difference_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
     )
     if far < TOLD_APART:
         sentence += " Widen the limits, record longer, or use a sensor with less noise."
-    return [_line(level, sentence), *_beside(record, "The models would lie {closer:.2f} times closer"), *_common(record)]
+    return [say(level, sentence), *_beside(record, "The models would lie {closer:.2f} times closer"), *_common(record)]
 
 
-def _changed(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> dict[str, str]:
+def _changed(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> Sentence:
     chosen = [r for r in rows if not r["open"] and (not record["chosen"] or r["name"] in record["chosen"])]
     if not chosen:
-        return _line("info", f"{record['seconds']:g} s of this input leave all parameters open that were asked for.")
+        return say("info", f"{record['seconds']:g} s of this input leave all parameters open that were asked for.")
     told = [f"{r['name']} {_error(r['then'], r)} (now {_error(r['now'], r)})" for r in chosen[:8]]
     more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
-    return _line("good", f"With {record['seconds']:g} s of this input the standard errors become: {', '.join(told)}{more}.")
+    return say("good", f"With {record['seconds']:g} s of this input the standard errors become: {', '.join(told)}{more}.")
 
 
 def _error(value: float | None, row: Mapping[str, Any]) -> str:
@@ -57,11 +59,11 @@ def _error(value: float | None, row: Mapping[str, Any]) -> str:
     return f"{100 * value / abs(row['value']):.2g} %" if row["value"] else f"{value:.2g} {row['unit'] or ''}".rstrip()
 
 
-def _beside(record: Mapping[str, Any], words: str) -> list[dict[str, str]]:
+def _beside(record: Mapping[str, Any], words: str) -> list[Sentence]:
     """Against the best of the classical kinds."""
     others = [c for c in record["compared"] if c["kind"] != record["kind"]]
     if record["kind"] != "designed":
-        return [_line("info", f"Of all that was tried, a {record['shape']} tells most; exchanging its levels found nothing better.")]
+        return [say("info", f"Of all that was tried, a {record['shape']} tells most; exchanging its levels found nothing better.")]
     if not others:
         return []
     best = others[0]
@@ -71,14 +73,14 @@ def _beside(record: Mapping[str, Any], words: str) -> list[dict[str, str]]:
     level = "good" if best["times"] > LEAD else "info"
     settings = f", a {best['name']}" if best["name"] != best["kind"] else ""
     sentence = f"{told} with the best {best['kind']} of the same length within the same limits{settings}{end}."
-    return [_line(level, sentence)]
+    return [say(level, sentence)]
 
 
-def _common(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _common(record: Mapping[str, Any]) -> list[Sentence]:
     return [*_beyond(record), *_coloured(record)]
 
 
-def _beyond(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _beyond(record: Mapping[str, Any]) -> list[Sentence]:
     """Outputs that would go where no recording has been."""
     found = []
     for o in record["outputs"]:
@@ -89,23 +91,15 @@ def _beyond(record: Mapping[str, Any]) -> list[dict[str, str]]:
                 f"{o['name']} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}: nobody knows "
                 f"yet that the model holds there. Keep it within limits with --limit {o['name']}=LOW..HIGH."
             )
-            found.append(_line("warning", sentence))
+            found.append(say("warning", sentence))
     return found
 
 
-def _coloured(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _coloured(record: Mapping[str, Any]) -> list[Sentence]:
     if record["inflation"] > 2.0:
         sentence = (
             f"The residuals of the study are correlated, which makes variances {record['inflation']:.2g} times those of white noise; the "
             "same is assumed of the new recording. What the model lacks counts as noise here: look for it first (plantfit diagnose)."
         )
-        return [_line("warning", sentence)]
+        return [say("warning", sentence)]
     return []
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _line(level: str, sentence: str) -> dict[str, str]:
-    return {"level": level, "sentence": sentence}

@@ -201,10 +201,8 @@ def _padded(pieces: Pieces, t: np.ndarray) -> Pieces:
     return Pieces(value, slope, origin, np.r_[pieces.knots, late])
 
 
-def _step_error(coarse: Mapping[str, Any], fine: Mapping[str, Any], order: float | None) -> float:
-    """Step error of the coarse outputs, rms as a share of the spread of each; 0 for exact steps."""
-    if order is None:
-        return 0.0
+def _step_error(coarse: Mapping[str, Any], fine: Mapping[str, Any], order: float) -> float:
+    """Step error of the coarse outputs, rms as a share of the spread of each."""
     shares = [0.0]
     for name, y in fine.items():
         off, spread = np.asarray(coarse[name]) - np.asarray(y), float(np.std(np.asarray(y)))

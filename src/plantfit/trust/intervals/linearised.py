@@ -124,14 +124,19 @@ def _whole(numbers: np.ndarray) -> np.ndarray:
     return np.where(unknown, last + np.cumsum(unknown), numbers).astype(int)
 
 
-def residual_blocks(problem: Problem) -> list[Block]:
-    """Where the residuals of every output in every recording stand."""
+def named_blocks(problem: Problem) -> list[tuple[str, str, Block]]:
+    """(recording, output, where their residuals stand), in the order of the residuals."""
     blocks, start = [], 0
     for name in problem.data["drive"]:
         for output in problem.outputs:
             index = problem.data["index"][name][output]
             if len(index):
                 numbers = problem.experiments[name].error_numbers(output)
-                blocks.append(Block(slice(start, start + len(index)), index if numbers is None else _whole(numbers[index])))
+                blocks.append((name, output, Block(slice(start, start + len(index)), index if numbers is None else _whole(numbers[index]))))
             start += len(index)
     return blocks
+
+
+def residual_blocks(problem: Problem) -> list[Block]:
+    """Where the residuals of every output in every recording stand."""
+    return [block for _, _, block in named_blocks(problem)]

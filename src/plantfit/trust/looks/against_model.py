@@ -1,7 +1,6 @@
 """Recordings against the model: length and period against the bounds of its times, feedback, and rest at the start."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -31,8 +30,9 @@ def problem_looks(problem: Problem) -> list[Look]:
             continue
         recording = Recording(e.recording.t, e.recording.signals, name)
         found += clock_looks(recording)
+        settles = any(_moves(recording[y]) for y in problem.outputs)
         for u in model.inputs:
-            found += [_still(problem, name, look) for look in signal_looks(recording, u, measured=False) if not _stepped(e, model, look)]
+            found += [look for look in signal_looks(recording, u, measured=False, settles=settles) if not _stepped(e, model, look)]
         for y in problem.outputs:
             found += signal_looks(recording, y, measured=True)
         for signal, measured in (*((u, False) for u in model.inputs), *((y, True) for y in problem.outputs)):
@@ -48,15 +48,6 @@ def _stepped(e: Experiment, model: Model, look: Look) -> bool:
     if look.kind != "constant" or look.signal is None or look.signal not in e.before:
         return False
     return before_in_units(e.recording, e.before, model.inputs)[look.signal] != look.figures["value"]
-
-
-def _still(problem: Problem, name: str, look: Look) -> Look:
-    """An input that never moves, of a plant that does: how it settles tells something."""
-    e = problem.experiments[name]
-    if look.kind != "constant" or not any(_moves(e.recording[y]) for y in problem.outputs):
-        return look
-    sentence = look.sentence.partition(", and nothing")[0]
-    return replace(look, level="info", sentence=f"{sentence}; what it does shows only in how the plant settles from its start.")
 
 
 def _moves(y: np.ndarray) -> bool:

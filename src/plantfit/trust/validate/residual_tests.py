@@ -25,13 +25,13 @@ def autocorrelation(residuals: np.ndarray, lags: int) -> np.ndarray:
     return r / r[0] if r[0] > 0 else np.r_[1.0, np.zeros(lags)]
 
 
-def whiteness(residuals: np.ndarray, lags: int | None = None) -> tuple[Correlation, float]:
-    """Autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297."""
+def whiteness(residuals: np.ndarray, lags: int | None = None, order: int = 0) -> tuple[Correlation, float]:
+    """Autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297, for what an autoregression of `order` left."""
     n = int(np.isfinite(residuals).sum())
     lags = lags or max(1, min(40, n // 5))
     r = autocorrelation(residuals, lags)
     statistic = n * (n + 2) * float(np.sum(r[1:] ** 2 / (n - np.arange(1, lags + 1))))
-    return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(special.chdtrc(lags, statistic))
+    return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(special.chdtrc(lags - order, statistic))
 
 
 def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | None = None) -> Correlation:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from plantfit.cli.arguments.quantities import quantity
-from plantfit.cli.commands.comparing.fitted import answers_of, from_file, from_store
-from plantfit.cli.commands.comparing.stored import number_of
+from plantfit.cli.commands.comparing.fitted import answers_of, one_given
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, said_line, warn
 from plantfit.errors import RecordingError, SpecError, StoreError
@@ -24,9 +23,6 @@ def track(
     like: str | None, store: str, workers: str | None, force: bool, json: bool,
 ) -> None:  # fmt: skip
     """Track a recording with a study's filter; the study is fitted first if the store has no answer of it."""
-    from plantfit import spec as specs
-    from plantfit.study import Store
-
     wait, step = quantity("--idle", idle, "s"), quantity("--every", every, "s")
     grows = follow or recording == "-"
     if recording != "-" and not Path(recording).is_file():
@@ -35,17 +31,11 @@ def track(
         raise RecordingError("--idle is for a recording that grows; give --follow too, or leave it out.")
     if place is not None and Path(place).exists() and not force:
         raise StoreError(f"{place} is there already; choose another place for --out, or give --force.")
-    file = given.endswith(".toml") or Path(given).is_file()
-    study = specs.load(given) if file else None
     from plantfit.tracking import check_trackable
     from plantfit.tracking import track as tracker_of
 
-    opened = Store.open(store, create=file)
-    if study is not None:
-        check_trackable(study.problem)
-    one = from_file(opened, given, study) if study is not None else from_store(opened, given, number_of(given, store))
+    opened, one = one_given(given, store, check_trackable)
     read = _reader(one.ready.study, like, grows)
-    check_trackable(one.ready.study.problem)
     answers, numbers = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         table = one.ready.study.table.estimate.model_dump(exclude_unset=True)

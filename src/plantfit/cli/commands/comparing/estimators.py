@@ -4,32 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from plantfit.cli.commands.comparing.fitted import answers_of, from_file, from_store
-from plantfit.cli.commands.comparing.stored import number_of
+from plantfit.cli.commands.comparing.fitted import answers_of, one_given
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict
 from plantfit.cli.terminal.working import worker_count
 
 
 def estimate(given: str, methods: Sequence[str], store: str, place: str | None, workers: str | None, json: bool) -> None:
     """Estimate the parameters of a study; fits it first if the store has no answer of it."""
-    from plantfit import spec as specs
     from plantfit.report.html import check_place
-    from plantfit.study import Store
 
     worker_count(workers, None)
-    file = given.endswith(".toml") or Path(given).is_file()
-    study = specs.load(given) if file else None
     if place is not None:
         check_place(Path(place))
     from plantfit.estimators import check_estimable, estimate_parameters
 
     wishes: dict[str, Any] = {"methods": list(methods)} if methods else {}
-    if study is not None:
-        check_estimable(study.problem, wishes)  # said before anything is fitted
-    opened = Store.open(store, create=file)
-    one = from_file(opened, given, study) if study is not None else from_store(opened, given, number_of(given, store))
-    if study is None:
-        check_estimable(one.ready.study.problem, wishes)
+    opened, one = one_given(given, store, lambda problem: check_estimable(problem, wishes))
     answers, numbers = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         table = one.ready.study.table.estimate.model_dump(exclude_unset=True)

@@ -1,14 +1,17 @@
 """Answers that a comparison needs: those of the store where there are, else fitted now and kept there."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.commands.comparing.stored import number_of
 from plantfit.cli.terminal.out import warn
 from plantfit.cli.terminal.working import Ready, ready, search
 from plantfit.errors import Interrupted, StoreError
 
 if TYPE_CHECKING:
+    from plantfit.problem.problem import Problem
     from plantfit.study.store.records import StudyRecord
     from plantfit.study.store.store import Store
 
@@ -20,6 +23,26 @@ class Fitted:
     name: str
     ready: Ready
     fitted: bool
+
+
+def one_given(given: str, store: str, check: Callable[["Problem"], object] = lambda problem: None) -> tuple["Store", Fitted]:
+    """The store and the study that a file, a number or a name gives; `check` refuses problems before anything is prepared or made.
+
+    Raises SpecError, StoreError, and what `check` raises.
+    """
+    from plantfit import spec as specs
+    from plantfit.study import Store
+
+    file = given.endswith(".toml") or Path(given).is_file()
+    if not file:
+        opened = Store.open(store, create=False)
+        one = from_store(opened, given, number_of(given, store))
+        check(one.ready.study.problem)
+        return opened, one
+    study = specs.load(given)
+    check(study.problem)
+    opened = Store.open(store, create=True)
+    return opened, from_file(opened, given, study)
 
 
 def from_file(opened: "Store", name: str, study: Any) -> Fitted:

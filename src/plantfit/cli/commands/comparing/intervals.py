@@ -30,17 +30,14 @@ def intervals(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
-    from plantfit import spec as specs
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.arguments.quantities import fraction, texts_by_name
-    from plantfit.cli.commands.comparing.fitted import answers_of, from_file, from_store
-    from plantfit.cli.commands.comparing.stored import number_of
+    from plantfit.cli.commands.comparing.fitted import answers_of, one_given
     from plantfit.cli.terminal.out import out as screen
     from plantfit.cli.terminal.out import print_json, said_line, verdict
     from plantfit.cli.terminal.working import worker_count
     from plantfit.errors import SpecError, StoreError
     from plantfit.report.html import check_place
-    from plantfit.study import Store
 
     worker_count(workers, None)
     wanted = [k.strip() for k in kinds.split(",") if k.strip()]
@@ -48,12 +45,10 @@ def intervals(
         wanted.append("posterior")
     share = fraction("--level", level)
     priors = texts_by_name("--prior", prior or [])
-    if save_draws and Path(save_draws).exists():
-        raise StoreError(f"{save_draws} is there already; give another place with --save-draws.")
-    file = given.endswith(".toml") or Path(given).is_file()
-    study = specs.load(given) if file else None
-    opened = Store.open(store, create=file)
-    one = from_file(opened, given, study) if study is not None else from_store(opened, given, number_of(given, store))
+    if save_draws and (Path(save_draws).exists() or not Path(save_draws).absolute().parent.is_dir()):
+        what = "is there already" if Path(save_draws).exists() else "cannot be written, because its folder does not exist"
+        raise StoreError(f"{save_draws} {what}; give another place with --save-draws.")
+    opened, one = one_given(given, store)
     to = Path(out or file_name(f"{one.ready.study.name}-intervals", "html"))
     check_place(to)
     from plantfit.intervals_compared import check_wishes, compare_intervals

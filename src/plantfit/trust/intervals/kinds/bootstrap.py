@@ -11,7 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.linearised import EDGE, residual_blocks
+from plantfit.trust.intervals.linearised import EDGE, named_blocks
 
 TIMES = 10  # correlation times of the residuals in a block
 SHARE = 0.25  # of a record that a block holds at most
@@ -73,21 +73,17 @@ def percentiles(values: np.ndarray, at: float, level: float, bounds: tuple[float
 
 def _series(problem: Problem, r: np.ndarray) -> tuple[dict[str, int], list[tuple[str, np.ndarray]]]:
     """Samples in a block of each output, and (output, rows) of each recording."""
-    blocks, series, memory = iter(residual_blocks(problem)), [], {}
-    for name in problem.data["drive"]:
-        for output in problem.outputs:
-            if len(problem.data["index"][name][output]):
-                rows = np.arange(len(r))[next(blocks).rows]
-                series.append((output, rows))
-                memory.setdefault(output, []).append(float(first_correlation(r[rows][:, None])[0]))
+    series, memory = [], {}
+    for _, output, block in named_blocks(problem):
+        rows = np.arange(block.rows.start, block.rows.stop)
+        series.append((output, rows))
+        memory.setdefault(output, []).append(float(first_correlation(r[rows][:, None])[0]))
     lengths = {}
     for output, found in memory.items():
         shortest = min(len(rows) for o, rows in series if o == output)
         rho = float(np.clip(np.mean(found), 0.0, 0.999))
-        time = 1.0 if rho < 2.0 / np.sqrt(shortest) else -1.0 / np.log(rho)
-        lengths[output] = int(np.clip(np.ceil(TIMES * time) if time > 1.0 or rho > 0 else 1, 1, max(1, int(SHARE * shortest))))
-        if rho < 2.0 / np.sqrt(shortest):
-            lengths[output] = 1
+        chance = rho < 2.0 / np.sqrt(shortest)  # what white noise shows too
+        lengths[output] = 1 if chance else int(np.clip(np.ceil(-TIMES / np.log(rho)), 1, max(1, SHARE * shortest)))
     return lengths, series
 
 

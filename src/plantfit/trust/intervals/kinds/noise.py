@@ -1,13 +1,14 @@
 """A likelihood of residuals whose scale and autoregression are unknown, for white and coloured noise."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.linearised import residual_blocks
+from plantfit.trust.intervals.linearised import named_blocks
+from plantfit.trust.validate.residual_tests import whiteness
 
 import jax
 import jax.numpy as jnp
@@ -41,23 +42,17 @@ def noise_of(problem: Problem, residuals: np.ndarray) -> list[OutputNoise]:
     return [_of_output(residuals, name, runs, even) for name, runs, even in _runs(problem)]
 
 
-def _runs(problem: Problem):
-    """Of each output (name, runs of row numbers whose samples follow each other, whether all clocks are even)."""
+def _runs(problem: Problem) -> Iterator[tuple[str, list[np.ndarray], bool]]:
+    """Of each output its name, runs of row numbers whose samples follow each other, and whether all clocks are even."""
     found: dict[str, list[np.ndarray]] = {}
     even: dict[str, bool] = {}
-    blocks = iter(residual_blocks(problem))
-    for name in problem.data["drive"]:
-        t = problem.experiments[name].recording.t
-        steps = np.diff(t)
+    for name, output, block in named_blocks(problem):
+        steps = np.diff(problem.experiments[name].recording.t)
         regular = bool(len(steps) == 0 or np.max(np.abs(steps - np.median(steps))) <= UNEVEN * np.median(steps))
-        for output in problem.outputs:
-            if not len(problem.data["index"][name][output]):
-                continue
-            block = next(blocks)
-            rows = np.arange(block.rows.start, block.rows.stop)
-            found.setdefault(output, []).extend(np.split(rows, 1 + np.flatnonzero(np.diff(block.index) != 1)))
-            even[output] = even.get(output, True) and regular
-    return [(o, runs, even[o]) for o, runs in found.items()]
+        rows = np.arange(block.rows.start, block.rows.stop)
+        found.setdefault(output, []).extend(np.split(rows, 1 + np.flatnonzero(np.diff(block.index) != 1)))
+        even[output] = even.get(output, True) and regular
+    yield from ((o, runs, even[o]) for o, runs in found.items())
 
 
 def _of_output(residuals: np.ndarray, name: str, runs: list[np.ndarray], even: bool) -> OutputNoise:
@@ -70,7 +65,7 @@ def _of_output(residuals: np.ndarray, name: str, runs: list[np.ndarray], even: b
         X, y = residuals[lagged], residuals[rows]
         phi = np.linalg.lstsq(X, y, rcond=None)[0]
         left = y - X @ phi
-        p_value = _portmanteau(left, rows, order)
+        p_value = _p_value(left, runs, order)
         noise = OutputNoise(name, order, rows, lagged, p_value, _against(left, phi, p_value, longest, even))
         if p_value > CHANCE:
             return noise
@@ -101,21 +96,14 @@ def _placed(runs: list[np.ndarray], order: int) -> tuple[np.ndarray, np.ndarray]
     return rows, np.stack(lagged, axis=1) if order else np.zeros((len(rows), 0), int)
 
 
-def _portmanteau(left: np.ndarray, rows: np.ndarray, order: int) -> float:
-    """p-value of Ljung and Box (Biometrika 65 (1978) 297) for innovations (n,), rows that do not follow each other left out."""
-    n, power = len(left), float(left @ left)
-    lags = min(LAGS, n // 5)
-    if lags <= order or power <= 0:
+def _p_value(left: np.ndarray, runs: list[np.ndarray], order: int) -> float:
+    """p-value of innovations (n,) being white, runs so far apart that none follows another."""
+    lags = min(LAGS, len(left) // 5)
+    if lags <= order or not np.any(left):
         return 1.0
-    place = np.full(int(rows.max()) + lags + 2, -1)
-    place[rows] = np.arange(n)
-    total = 0.0
-    for k in range(1, lags + 1):
-        before = place[np.maximum(rows - k, 0)]
-        there = (before >= 0) & (rows >= k)
-        if there.sum() > 5:
-            total += float(left[there] @ left[before[there]] / power) ** 2 / there.sum()
-    return float(chdtrc(lags - order, n * (n + 2) * total))
+    ends = np.cumsum([len(r) - order for r in runs if len(r) > order])[:-1]
+    apart = [np.r_[part, np.full(lags, np.nan)] for part in np.split(left, ends)]
+    return whiteness(np.concatenate(apart), lags, order)[1]
 
 
 def log_likelihood(noises: list[OutputNoise], residuals: jax.Array | np.ndarray) -> jax.Array:

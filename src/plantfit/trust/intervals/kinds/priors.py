@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plantfit import units
-from plantfit.errors import SpecError, UnitError
+from plantfit.errors import SpecError
 from plantfit.space import Space
+from plantfit.units import in_unit
 
 _TEXT = re.compile(r"\s*(?P<mean>[^±]+?)\s*(?:±|\+-|\+/-)\s*(?P<error>.+?)\s*")
 
@@ -26,8 +26,8 @@ def normal_priors(space: Space, given: Mapping[str, Prior]) -> dict[int, tuple[f
         place = space.names.index(name)
         unit = space.coordinates[place].unit
         mean, error = _pair(name, prior)
-        at = _converted(name, mean, unit, False)
-        deviation = _converted(name, error, unit, True)
+        where = f"The prior of {name}"
+        at, deviation = in_unit(where, mean, unit), in_unit(where, error, unit, difference=True)
         if not (np.isfinite(at) and np.isfinite(deviation) and deviation > 0):
             raise SpecError(f"The prior of {name} is {mean} ± {error}; its standard deviation has to be above 0.")
         found[place] = (at, deviation)
@@ -53,15 +53,3 @@ def _bare(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _converted(name: str, value: float | str, unit: str | None, difference: bool) -> float:
-    if not isinstance(value, str) or _bare(value):
-        return float(value)
-    try:
-        number, given = units.quantity(value)
-        if unit is None:
-            return number
-        return number * units.factor(given, unit) if difference else float(units.convert(number, given, unit))
-    except UnitError as error:
-        raise UnitError(f"The prior of {name}: {error}") from None

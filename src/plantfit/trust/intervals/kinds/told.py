@@ -1,7 +1,9 @@
 """Where intervals of several kinds agree, and why they may not, in sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+from plantfit.trust.verdict.words import Sentence, say, some
 
 ALIKE = 0.35  # of half a width: how far the ends of two intervals may lie apart
 WIDER = 1.25  # times
@@ -13,10 +15,10 @@ NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "t
 Row = Mapping[str, Any]
 
 
-def interval_sentences(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def interval_sentences(record: Mapping[str, Any]) -> list[Sentence]:
     """About the agreement of kinds, about draws, and about what was not made."""
     found = [*_agreement(record), *_draws(record), *_conflicts(record), *_blocks(record)]
-    return found + [_line("info", sentence) for sentence in record["refused"].values()]
+    return found + [say("info", sentence) for sentence in record["refused"].values()]
 
 
 def apart(one: Row, other: Row) -> float:
@@ -26,7 +28,7 @@ def apart(one: Row, other: Row) -> float:
     return max(ends, default=0.0) / max(half, 1e-300)
 
 
-def _agreement(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _agreement(record: Mapping[str, Any]) -> list[Sentence]:
     alike, worst, lines, unset = [], 0.0, [], []
     for p in record["parameters"]:
         drawn = [k for k in p["kinds"] if k["low"] is not None]
@@ -43,14 +45,14 @@ def _agreement(record: Mapping[str, Any]) -> list[dict[str, str]]:
             worst = max([worst, *(d for _, d in others)])
         lines += [_disagreement(p, reference, k, record) for k, _ in far]
     if unset:
-        lines.append(_line("info", f"No kind of interval sets an end of {_list(unset)} within the bounds of the search."))
+        lines.append(say("info", f"No kind of interval sets an end of {some(unset)} within the bounds of the search."))
     if not alike:
         return lines
-    said = f"All kinds agree on {_list(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a width apart."
-    return [_line("good", said), *lines]
+    said = f"All kinds agree on {some(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a width apart."
+    return [say("good", said), *lines]
 
 
-def _disagreement(p: Mapping[str, Any], one: Row, other: Row, record: Mapping[str, Any]) -> dict[str, str]:
+def _disagreement(p: Mapping[str, Any], one: Row, other: Row, record: Mapping[str, Any]) -> Sentence:
     width = (other["high"] - other["low"]) / max(one["high"] - one["low"], 1e-300)
     unit = f" {p['unit']}" if p["unit"] not in (None, "1") else ""
     size = f"{width:.2g} times as wide as that of" if width > WIDER or width < 1 / WIDER else "elsewhere than that of"
@@ -58,7 +60,7 @@ def _disagreement(p: Mapping[str, Any], one: Row, other: Row, record: Mapping[st
         f"{p['name']}: the interval of {NAMES[other['kind']]} ({_ends(other)}{unit}) is {size} {NAMES[one['kind']]} "
         f"({_ends(one)}{unit}): {_reason(one, other, width, record)}"
     )
-    return _line("info" if other["kind"] in ("covariance", "verdict") else "warning", said)
+    return say("info" if other["kind"] in ("covariance", "verdict") else "warning", said)
 
 
 def _reason(one: Row, other: Row, width: float, record: Mapping[str, Any]) -> str:
@@ -89,7 +91,7 @@ def _reason(one: Row, other: Row, width: float, record: Mapping[str, Any]) -> st
     return "it averages over all values of the others, the profile takes their best."
 
 
-def _draws(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _draws(record: Mapping[str, Any]) -> list[Sentence]:
     p = record["posterior"]
     if p is None:
         return []
@@ -98,13 +100,13 @@ def _draws(record: Mapping[str, Any]) -> list[dict[str, str]]:
     coloured = {o: n for o, n in p["orders"].items() if n}
     noise = f"; noise of {', '.join(f'{o} is an autoregression of order {n}' for o, n in coloured.items())}" if coloured else ""
     if p["diverged"]:
-        return [_line("warning", f"{said}, {p['diverged']} trajectories diverged{noise}. Parts of the posterior may be missing.")]
+        return [say("warning", f"{said}, {p['diverged']} trajectories diverged{noise}. Parts of the posterior may be missing.")]
     if worst > MOST_R_HAT or least < LEAST_EFFECTIVE:
-        return [_line("warning", f"{said}{noise}. That is too few to trust its ends; give more --draws.")]
-    return [_line("good", f"{said}, none diverged{noise}.")]
+        return [say("warning", f"{said}{noise}. That is too few to trust its ends; give more --draws.")]
+    return [say("good", f"{said}, none diverged{noise}.")]
 
 
-def _conflicts(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _conflicts(record: Mapping[str, Any]) -> list[Sentence]:
     """Priors that the data deny."""
     lines = []
     for p in record["parameters"]:
@@ -114,11 +116,11 @@ def _conflicts(record: Mapping[str, Any]) -> list[dict[str, str]]:
         far = abs(mean - p["value"]) / (deviation**2 + p["standard_error"] ** 2) ** 0.5
         if far > CONFLICT:
             said = f"The prior of {p['name']} and what the data say of it lie {far:.2g} standard deviations apart: one of them is wrong."
-            lines.append(_line("warning", said))
+            lines.append(say("warning", said))
     return lines
 
 
-def _blocks(record: Mapping[str, Any]) -> list[dict[str, str]]:
+def _blocks(record: Mapping[str, Any]) -> list[Sentence]:
     b = record["bootstrap"]
     if b is None:
         return []
@@ -126,11 +128,11 @@ def _blocks(record: Mapping[str, Any]) -> list[dict[str, str]]:
     few = {o: n for o, n in b["blocks"].items() if n < FEW_BLOCKS and b["block"][o] > 1}
     for output, n in few.items():
         lines.append(
-            _line("warning", f"The residuals of {output} are so slow that a record holds {n} blocks of {b['block'][output]} samples; the "
+            say("warning", f"The residuals of {output} are so slow that a record holds {n} blocks of {b['block'][output]} samples; the "
                   "bootstrap's ends are rough.")
         )  # fmt: skip
     if b["lost"]:
-        lines.append(_line("warning", f"{b['lost']} of {b['replicates']} refits could not be simulated and are left out."))
+        lines.append(say("warning", f"{b['lost']} of {b['replicates']} refits could not be simulated and are left out."))
     return lines
 
 
@@ -138,11 +140,3 @@ def _ends(k: Row) -> str:
     low = f"below {k['low']:.4g}" if k["open_low"] else f"{k['low']:.4g}"
     high = f"above {k['high']:.4g}" if k["open_high"] else f"{k['high']:.4g}"
     return f"{low} to {high}"
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _line(level: str, sentence: str) -> dict[str, str]:
-    return {"level": level, "sentence": sentence}

@@ -1,0 +1,46 @@
+"""Whether the estimates of several methods differ by more than chance lets them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.estimate.comparison import SURE, compare_estimates
+from plantfit.estimate.estimate import Estimate
+
+Estimated = tuple[Estimate, Mapping[str, tuple[float | None, float | None]]]
+"""An estimate, and the 95 % interval (low, high) of each parameter; None for an end that is not known."""
+
+
+def agreement(estimates: Mapping[str, Estimated]) -> list[dict[str, Any]]:
+    """Every two methods, with p-values corrected for how many pairs there are (Holm)."""
+    pairs, methods = [], list(estimates)
+    for i, a in enumerate(methods):
+        for b in methods[i + 1 :]:
+            names = [n for n in estimates[a][0].names if _known(estimates[a], n) and _known(estimates[b], n)]
+            if not names:
+                continue
+            found = compare_estimates(_part(estimates[b][0], names), _part(estimates[a][0], names), (b, a))
+            pairs.append(
+                {"first": b, "second": a, "statistic": found.statistic, "degrees": found.degrees, "p": found.p_value,
+                 "sentence": found.sentence}
+            )  # fmt: skip
+    worst = 0.0
+    for k, pair in enumerate(sorted(pairs, key=lambda p: p["p"])):
+        worst = max(worst, min(1.0, (len(pairs) - k) * pair["p"]))
+        pair |= {"p_adjusted": worst, "differs": worst < SURE}
+    return pairs
+
+
+def _known(estimated: Estimated, name: str) -> bool:
+    """Whether a method gives a parameter an error and both ends of an interval."""
+    estimate, interval = estimated
+    if name not in estimate.names or None in interval[name]:
+        return False
+    error = estimate.standard_error[estimate.names.index(name)]
+    return bool(np.isfinite(error) and error > 0)
+
+
+def _part(estimate: Estimate, names: Sequence[str]) -> Estimate:
+    at = [estimate.names.index(n) for n in names]
+    return Estimate(tuple(names), estimate.values[at], estimate.covariance[np.ix_(at, at)])
