@@ -21,6 +21,7 @@ from plantfit.cli.commands.design import export_plant, next_experiment, tune_con
 from plantfit.cli.commands.judging import sensitivity
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
 from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
+from plantfit.cli.terminal.overview import sections
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
 from plantfit.study.store.addresses import STORE, VARIABLE
 
@@ -33,6 +34,12 @@ class _Commands(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise Interrupted(SENTENCE) from None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for title, rows in sections(self.list_commands(ctx)):
+            with formatter.section(title):
+                formatter.write_dl(rows)
+        formatter.write("\n`plantfit COMMAND --help` says more of each. Your own recording: `plantfit init FILE`.\n")
 
 
 app = typer.Typer(

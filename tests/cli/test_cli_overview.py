@@ -1,0 +1,30 @@
+"""`plantfit --help`: every command once, in one line of at most 80 columns."""
+
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from plantfit.cli.main import app
+from plantfit.cli.terminal.overview import SECTIONS, sections
+
+
+def test_every_command_stands_in_one_section():
+    named = [name for rows in SECTIONS.values() for name in rows]
+    assert sorted(named) == sorted(get_command(app).commands)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_each_has_one_line_that_is_not_cut():
+    done = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "80"})
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    assert "..." not in "".join(lines[1:])
+    for rows in SECTIONS.values():
+        for name, said in rows.items():
+            (line,) = [k for k in lines if k.split()[:1] == [name]]
+            assert line.endswith(said)
+            assert len(line) <= 80
+
+
+def test_a_command_that_no_section_names_is_shown_all_the_same():
+    fit, more = sections(["run", "sing"])
+    assert fit == ("Fit", [("run ", "Search the parameters, judge them, write the report")])
+    assert more == ("More", [("sing", "")])
