@@ -4,8 +4,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from plantfit.findings import Findings, Parameter, Score, read_findings
 from plantfit.report.numbers import plus_minus, significant
-from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sections.sentences import LEVELS, no_validation, parameter_status, subtitle
 from plantfit.report.sections.tables import Table, parameter_interval, statuses, weights_table
 from plantfit.report.sections.uncertainty_tables import budgets_of, widened_table

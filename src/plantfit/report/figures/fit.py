@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from plantfit.findings import Output, Recording, array
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import with_unit
-from plantfit.report.schema import Output, Recording, array
 
 OUTPUT_HEIGHT, SMALL_HEIGHT, GAP, TOP, BOTTOM = 190, 84, 34, 58, 46  # pixels
 MOST_ZONES = 60  # more pieces than this are too fine to see

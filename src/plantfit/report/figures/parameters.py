@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plantfit.findings import Combination, Parameter, Run
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import interval, plus_minus, significant, unit_label
-from plantfit.report.schema import Combination, Parameter, Run
 
 ROW = 50  # pixels
 AGREES = 1.01  # a run within 1 % of the lowest cost found the same fit

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings import Findings, Parameter, ReadingBudget, StatedError, StatedUncertainty, Uncertainty
 from plantfit.report.numbers import interval, percent, plus_minus, significant, unit_label
-from plantfit.report.schema import Findings, Parameter, ReadingBudget, StatedError, StatedUncertainty, Uncertainty
 from plantfit.report.sections.sentences import listed
 from plantfit.report.sections.tables import Table
 
