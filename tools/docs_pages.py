@@ -145,9 +145,10 @@ def findings_page() -> str:
     found = findings_schema()
     text = (
         "# The findings\n\n`answer.findings` and `plantfit run --json` give one record of JSON types: what a fit found and what it is\n"
-        "worth. `--json` leaves the samples out: `t`, `inputs` and `outputs` of recordings, `residuals` of the diagnosis. None stands for\n"
-        "what is not known and for what is not finite. `plantfit.findings.read_findings(record)` checks a record and gives it with\n"
-        "attributes. There is a [JSON schema](findings.schema.json), which `plantfit schema --findings` prints too.\n"
+        "worth. `--json` leaves the samples out (`t`, `inputs` and `outputs` of recordings, `residuals` of the diagnosis) and adds\n"
+        "`report`, where the page is. None stands for what is not known and for what is not finite.\n"
+        "`plantfit.findings.read_findings(record)` checks a record and gives it with attributes. There is a\n"
+        "[JSON schema](findings.schema.json), which `plantfit schema --findings` prints too.\n"
     )
     for name, record in {"Findings": found, **found["$defs"]}.items():
         rows = [

@@ -1,10 +1,11 @@
 """What every record of the findings is: frozen, checked when it is made, and JSON types when it is asked for."""
 
+from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
 
 
 def _finite(value: Any) -> Any:
@@ -20,10 +21,22 @@ Values = list[float | None]
 Level = Literal["good", "warning", "bad", "info"]
 
 
-class Record(BaseModel):
-    """Keys that a record does not know are left aside when it is read, and keys that its maker did not give stay out of its JSON."""
+READ = "read"
+"""The context of a validation that leaves keys aside which a record does not know, as those of another version."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", use_attribute_docstrings=True)
+
+class Record(BaseModel):
+    """A maker that gives a key which the record does not know is told so; a key that it does not give stays out of the JSON."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, given: Any, info: ValidationInfo) -> Any:
+        if info.context != READ or not isinstance(given, Mapping):
+            return given
+        known = {name for key, field in cls.model_fields.items() for name in (key, field.alias)}
+        return {key: value for key, value in given.items() if key in known}
 
     def plain(self) -> dict[str, Any]:
         """As JSON types, keys in the order of the fields."""

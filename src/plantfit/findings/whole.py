@@ -8,7 +8,7 @@ from pydantic import ValidationError, field_validator
 from plantfit.errors import PlantfitError
 from plantfit.findings.diagnosis import Diagnosis
 from plantfit.findings.parameters import Combination, Determined, Parameter, StandardErrors
-from plantfit.findings.record import Record
+from plantfit.findings.record import READ, Record
 from plantfit.findings.recordings import Recording, Score, Weight
 from plantfit.findings.residuals import ResidualTest
 from plantfit.findings.runs import Agreement, Basin, Run
@@ -53,7 +53,7 @@ class Findings(Record):
 
     @field_validator("schema_version")
     @classmethod
-    def _known(cls, version: int) -> int:
+    def _not_newer(cls, version: int) -> int:
         if version > VERSION:
             raise ValueError(f"it was written by a newer plantfit, in version {version} of the record; this one reads up to {VERSION}")
         return version
@@ -62,7 +62,7 @@ class Findings(Record):
 def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
     """The plain record as `Findings`; PlantfitError names the first place that does not fit."""
     try:
-        return Findings.model_validate(findings)
+        return Findings.model_validate(findings, context=READ)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(step) for step in first["loc"]) or "its top level"
@@ -72,5 +72,5 @@ def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
 
 
 def findings_schema() -> dict[str, Any]:
-    """The JSON schema of `answer.findings`; records of `plantfit run --json` fit it but for the samples, which they leave out."""
+    """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where the page is."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Findings.model_json_schema()}
