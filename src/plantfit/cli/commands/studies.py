@@ -133,8 +133,8 @@ def _work(
         raise Interrupted(_saved([r for r in records if r.state != "done"], store))
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
-        seconds = {"prepare": one.seconds, "search": searched}
-        answer = _answer(one.study, opened, number, seconds, one.problem)
+        seconds = {"prepare": one.prepared.seconds, "search": searched}
+        answer = _answer(one.study, opened, number, seconds, one.prepared)
         said.append(_deliver(answer, place, one.study, json, diagnose, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
@@ -146,10 +146,10 @@ def _saved(records, store: str) -> str:
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
-def _answer(study, opened, number: int, seconds, problem=None):
+def _answer(study, opened, number: int, seconds, prepared=None):
     from plantfit.reopen import answer_of
 
-    return answer_of(opened, opened.study(number), study, seconds, problem)
+    return answer_of(opened, opened.study(number), study, seconds, prepared)
 
 
 def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:
