@@ -1,6 +1,7 @@
 """Measured against simulated, residuals under them, inputs below; one time axis for all panels."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def _domains(heights: list[int]) -> list[list[float]]:
     return [[max(0.0, (top - height) / total), top / total] for top, height in zip(tops, heights, strict=True)]
 
 
-def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more) -> dict:
+def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any) -> dict[str, Any]:
     keep = envelope(values, points)
     base = {
         "type": "scatter",
