@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.cli.commands.judging.check import say_looks
@@ -12,6 +12,10 @@ from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
 from plantfit.study.store.addresses import shown, store_option
+
+if TYPE_CHECKING:
+    from plantfit.answer import Answer
+    from plantfit.spec import Study
 
 
 def run(
@@ -112,7 +116,7 @@ def report(number: int | None, store: str, place: str | None, json: bool, diagno
         print_json(said)
 
 
-def stored_answer(number: int | None, store: str):
+def stored_answer(number: int | None, store: str) -> "tuple[Study, Answer]":
     """A stored study (the newest where no number is given) and its answer."""
     from plantfit.study import Store
 
