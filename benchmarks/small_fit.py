@@ -21,17 +21,16 @@ def mark():
 import jax
 mark()
 from plantfit import spec
-from plantfit.fitting import Answer, finish, prepare
 from plantfit.optimize import minimise
-from plantfit.study.objective import objective_of
+from plantfit.stages import Answer, finish, prepare
 mark()
 study = spec.load(sys.argv[1])
 mark()
-problem = prepare(study.problem)
+prepared = prepare(study.problem)
 mark()
-runs = minimise(objective_of(problem), "auto", budget=study.plan.budget, seed=study.plan.seed)
+runs = minimise(prepared.objective, "auto", budget=study.plan.budget, seed=study.plan.seed)
 mark()
-problem, runs = finish(problem, runs)
+problem, runs = finish(prepared.problem, runs)
 mark()
 findings = Answer(problem, runs, 1).findings
 mark()

@@ -13,6 +13,7 @@ import pytest
 
 import plantfit
 import plantfit.models
+from plantfit.findings import findings_schema
 from plantfit.models.extensions import KINDS
 from plantfit.models.library.catalogue import _PLACES
 from plantfit.models.text.functions import CALLS, SPECIAL
@@ -74,6 +75,16 @@ def test_keys_have_types_and_defaults(site):
     page = (site / "reference" / "study-file-keys.html").read_text("utf-8")
     for key in ("recording", "parameters", "split", "bounds", "methods", "scale"):
         assert f"<code>{key}</code>" in page
+
+
+def test_the_page_of_the_findings_has_every_key_and_its_meaning(site):
+    schema = json.loads((site / "reference" / "findings.schema.json").read_text("utf-8"))
+    assert schema == findings_schema()
+    page = (site / "reference" / "findings.html").read_text("utf-8")
+    for name, record in {"Findings": schema, **schema["$defs"]}.items():
+        assert f'id="{name.lower()}"' in page
+        assert [key for key in record["properties"] if f"<code>{key}</code>" not in page] == []
+    assert "Ends that the data do not set" in page
 
 
 def page(name):

@@ -96,3 +96,42 @@ def test_no_function_hides_a_sub_room():
             if not isinstance(getattr(importlib.import_module(room), name), ModuleType):
                 hidden.append(found.name)
     assert hidden == []
+
+
+@pytest.mark.parametrize("stage", ["final_problem import finish", "runner.begin("])
+def test_the_stages_of_an_answer_stand_in_one_place(stage):
+    """`fit`, commands, stored studies and workers go through `stages.py`."""
+    found = [str(p.relative_to(SOURCE)) for p in SOURCE.rglob("*.py") if stage in p.read_text("utf-8")]
+    assert found == ["stages.py"]
+
+
+def test_public_functions_are_annotated_in_full():
+    """Functions and methods that a reader or an editor may call; of rooms `trust`, `report`, `findings` those within too."""
+    bare = []
+    for path in SOURCE.rglob("*.py"):
+        place = path.relative_to(SOURCE)
+        tree = ast.parse(path.read_text("utf-8"))
+        whole = place.parts[0] in ("trust", "report", "findings") or place.name == "stages.py"
+        bare += [f"{place}:{f.lineno} {f.name}" for f in (ast.walk(tree) if whole else public(tree)) if lacks_annotations(f)]
+    assert bare == []
+
+
+def public(tree: ast.Module | ast.ClassDef):
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public(node)
+        elif not getattr(node, "name", "_").startswith("_"):
+            yield node
+
+
+def lacks_annotations(node: ast.AST) -> bool:
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return False
+    given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
+    bare = [a for a in given if a is not None and a.arg not in ("self", "cls", "_") and a.annotation is None]
+    return bool(bare) or (node.returns is None and node.name not in ("__init__", "__post_init__"))
+
+
+@pytest.mark.parametrize("text", ["def f(a) -> None: ...", "def f(a: int): ...", "class A:\n    def f(self, *a) -> None: ..."])
+def test_a_function_without_annotations_is_found(text):
+    assert [lacks_annotations(f) for f in public(ast.parse(text))] == [True]

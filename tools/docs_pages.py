@@ -17,6 +17,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "src"))
+from plantfit.findings import findings_schema
 from plantfit.spec.tables import json_schema
 
 
@@ -27,8 +28,10 @@ def on_files(files: Files, config: Any) -> Files:
         "reference/commands.md": commands_page(),
         "reference/python.md": python_page(),
         "reference/study-file-keys.md": keys_page(),
+        "reference/findings.md": findings_page(),
         "reference/changes.md": relinked((ROOT / "CHANGELOG.md").read_text("utf-8"), "../"),
         "reference/study-file.schema.json": json.dumps(json_schema(), indent=1),
+        "reference/findings.schema.json": json.dumps(findings_schema(), indent=1),
     }
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
@@ -94,6 +97,7 @@ def python_page() -> str:
         "plantfit",
         "plantfit.recording",
         "plantfit.models",
+        "plantfit.findings",
         "plantfit.trust",
         "plantfit.control",
         "plantfit.estimate",
@@ -136,25 +140,44 @@ def keys_page() -> str:
     return text
 
 
+def findings_page() -> str:
+    """Keys, types and meanings of the findings, from their records."""
+    found = findings_schema()
+    text = (
+        "# The findings\n\n`answer.findings` and `plantfit run --json` give one record of JSON types: what a fit found and what it is\n"
+        "worth. `--json` leaves the samples out (`t`, `inputs` and `outputs` of recordings, `residuals` of the diagnosis) and adds\n"
+        "`report`, where the page is. None stands for what is not known and for what is not finite.\n"
+        "`plantfit.findings.read_findings(record)` checks a record and gives it with attributes. There is a\n"
+        "[JSON schema](findings.schema.json), which `plantfit schema --findings` prints too.\n"
+    )
+    for name, record in {"Findings": found, **found["$defs"]}.items():
+        rows = [
+            f"| `{key}` | {_cell(_kind(value, ''))} | {_cell(_escaped(value.get('description', '')))} |"
+            for key, value in record.get("properties", {}).items()
+        ]
+        text += f"\n## {name}\n\n{_escaped(record.get('description', ''))}\n\n| key | type | meaning |\n|---|---|---|\n"
+        text += "\n".join(rows) + "\n"
+    return text
+
+
 WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "none"}
 
 
-def _kind(value: dict[str, Any]) -> str:
+def _kind(value: dict[str, Any], suffix: str = "Table") -> str:
+    """A type in words; `suffix` is left out of the names of tables."""
     if "$ref" in value:
-        name = value["$ref"].rpartition("/")[2].removesuffix("Table")
+        name = value["$ref"].rpartition("/")[2].removesuffix(suffix)
         return f"[{name}](#{name.lower()})"
     if "anyOf" in value:
-        return " or ".join(dict.fromkeys(_kind(v) for v in value["anyOf"]))
+        return " or ".join(dict.fromkeys(_kind(v, suffix) for v in value["anyOf"]))
     if "enum" in value or "const" in value:
         return ", ".join(f"`{v}`" for v in value.get("enum", [value.get("const")]))
     if value.get("type") == "array":
-        return f"list of {_kind(value.get('items', {}))}" if value.get("items") else "list"
+        return f"list of {_kind(value.get('items', {}), suffix)}" if value.get("items") else "list"
     if value.get("type") == "object":
         inner = value.get("additionalProperties")
-        return f"table of {_kind(inner)}" if isinstance(inner, dict) else "table"
-    return {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "none"}.get(
-        value.get("type", ""), "any"
-    )
+        return f"table of {_kind(inner, suffix)}" if isinstance(inner, dict) else "table"
+    return WORDS.get(value.get("type", ""), "any")
 
 
 def _default(value: dict[str, Any]) -> str:

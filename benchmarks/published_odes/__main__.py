@@ -38,14 +38,13 @@ def simulated(name: str, recording: str, outputs: tuple[str, ...]) -> dict[str, 
 def at_published(name: str) -> dict[str, Any]:
     """Largest errors at the published parameters, as shares of the outputs' ranges."""
     from plantfit import spec
-    from plantfit.fitting import prepare
-    from plantfit.problem.accuracy.steps import steps_for
+    from plantfit.problem.accuracy.steps import choose_substeps, steps_for
     from plantfit.problem.accuracy.verification import followed
 
     problem = spec.load(str(STUDIES / f"{name}.toml")).problem
     values = problem.space.vector(published(name))
     z = np.asarray(problem.space.cube(values))
-    prepared = prepare(problem)
+    prepared = choose_substeps(problem)
     shown = steps_for(prepared, z)
     worst = {"default": 0.0, "at the values": 0.0, "published": 0.0, "published and tight": 0.0}
     for recording in problem.experiments:

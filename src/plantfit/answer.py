@@ -126,7 +126,7 @@ class Answer:
 
     @cached_property
     def findings(self) -> dict[str, Any]:
-        """The plain record of docs/architecture.md, made when first asked for (seconds)."""
+        """What was found, as JSON types (`plantfit.findings.Findings`), made when first asked for (seconds)."""
         started = time.perf_counter()
         record = assess(
             self.problem, self.runs, seed=self.seed, spec=self.spec, command=self.command, seconds=self.seconds,

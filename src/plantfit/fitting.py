@@ -1,6 +1,5 @@
 """The short way: `fit(problem)` gives an `Answer`, and may keep its runs in a store."""
 
-import dataclasses
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,25 +9,19 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer as Answer
-from plantfit.errors import SearchError, StoreError
+from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
 from plantfit.optimize import minimise
-from plantfit.optimize.contract import Host, Objective, Population, RunResult
-from plantfit.problem.accuracy.steps import choose_substeps
-from plantfit.problem.problem import Problem
-from plantfit.problem.shooting.start import Shooting
-from plantfit.study.objective import objective_of
+from plantfit.optimize.contract import Host, Population, RunResult
+from plantfit.problem.problem import Problem, StudyFile
+from plantfit.stages import Prepared, Stated, begin, judged, prepare, stated_in_file, stored_runs
 from plantfit.study.plan import Plan, default_budget
 from plantfit.study.running import runner
-from plantfit.study.store.addresses import shown
 from plantfit.study.store.store import Store
 from plantfit.trust.finish.descent import gauss_newton as gauss_newton
-from plantfit.trust.finish.final_problem import finish
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.stated_errors.parameter_uncertainty import check_errors
 from plantfit.trust.stated_errors.shared_error import SharedError
-
-_OF_RUN = tuple(f.name for f in dataclasses.fields(RunResult))
 
 
 def fit(
@@ -73,18 +66,16 @@ def fit(
         raise SearchError(
             f"{file.path.name} has a table [regression]; solve it by plantfit.regress, or by `plantfit run {file.path.name}`."
         )
-    errors, draws = _stated(problem, errors, draws, store is not None)
-    check_errors(problem, errors)
-    started = time.perf_counter()
-    problem = prepare(problem)
-    prepared = time.perf_counter()
-    start = shooting_starts(problem, shooting, seed)
-    if start is not None and method == "auto":
+    stated = _stated(problem, errors, draws, store is not None)
+    check_errors(problem, stated[0])
+    prepared = prepare(problem, shooting=shooting, seed=seed)
+    if shooting is not None and method == "auto":
         method, settings = "least_squares", {"agree": 1, **dict(settings or {})}
-    objective, budget = objective_of(problem, start), budget or default_budget(problem.space.dimension)
+    budget = budget or default_budget(problem.space.dimension)
+    started = time.perf_counter()
     if store is None:
         results: Sequence[RunResult] = minimise(
-            objective, method, runs=runs, budget=budget, seed=seed, settings=dict(settings or {}), progress=progress, stop=stop
+            prepared.objective, method, runs=runs, budget=budget, seed=seed, settings=dict(settings or {}), progress=progress, stop=stop
         )
     else:
         if not isinstance(method, str):
@@ -93,58 +84,29 @@ def fit(
                 "or leave store out."
             )
         plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings)} if settings else {})
-        results = _kept(store, plan, problem, objective, None if file is None else (file.text, str(file.path.resolve())), progress, stop)
+        results = _kept(store, plan, prepared, file, progress, stop)
         spec = spec if file is None else file.text
-    searched = time.perf_counter()
-    problem, results = finish(problem, results)
-    seconds = {"prepare": prepared - started, "search": searched - prepared, "finish": time.perf_counter() - searched}
-    return Answer(problem, results, seed, spec, command, seconds, tuple(errors), draws)
+    seconds = {"prepare": prepared.seconds, "search": time.perf_counter() - started}
+    return judged(prepared.problem, results, seed=seed, spec=spec, command=command, seconds=seconds, stated=stated)
 
 
-def _stated(
-    problem: Problem, errors: Sequence[SharedError] | None, draws: int | None, stored: bool
-) -> tuple[Sequence[SharedError], int | None]:
-    """The errors of instruments and the refits for them: as given, else as the study file of the problem states them."""
+def _stated(problem: Problem, errors: Sequence[SharedError] | None, draws: int | None, stored: bool) -> Stated:
+    """As `stated_in_file`; a stored study is opened with those of its file, so that it may state no others."""
     file = problem.study_file
-    if file is None or errors is not None:
-        if stored and file is not None and (tuple(errors or ()), draws) != (file.errors, file.draws):
-            raise SearchError(
-                f"{file.path.name} states other errors or draws than were given, and the stored study would be opened with those of the "
-                "file; write them into the file, or leave errors or store out."
-            )
-        return errors or (), draws
-    return file.errors, file.draws if draws is None else draws
+    if stored and file is not None and errors is not None and (tuple(errors), draws) != (file.errors, file.draws):
+        raise SearchError(
+            f"{file.path.name} states other errors or draws than were given, and the stored study would be opened with those of the "
+            "file; write them into the file, or leave errors or store out."
+        )
+    return stated_in_file(problem, errors, draws)
 
 
-def _kept(
-    store: Any, plan: Plan, problem: Problem, objective: Objective, file: tuple[str, str] | None, progress: Any, stop: Any
-) -> list[RunResult]:
+def _kept(store: Any, plan: Plan, prepared: Prepared, file: StudyFile | None, progress: Any, stop: Any) -> list[RunResult]:
     """The finished runs of a plan that is begun in a store. Raises StoreError where none was finished before `stop`."""
     opened = store if isinstance(store, Store) else Store.open(store)
-    text, path = file or (None, None)
-    number = runner.run(
-        plan, objective, opened, spec_text=text, spec_path=path, coordinates=problem.space.names, to_physical=problem.space.physical,
-        progress=progress, stop=stop,
-    )  # fmt: skip
+    number = begin(prepared, plan, opened, None if file is None else file.text, None if file is None else file.path)
+    runner.resume(opened, number, prepared.objective, to_physical=prepared.to_physical, progress=progress, stop=stop)
     return stored_runs(opened, number)
-
-
-def stored_runs(store: Store, number: int) -> list[RunResult]:
-    """The finished runs of a stored study, as the searches gave them. Raises StoreError where there is none."""
-    found = [RunResult(**{f: getattr(r, f) for f in _OF_RUN}) for r in store.runs(number)]
-    if not found:
-        raise StoreError(f"Study {number} in {shown(store.name)} has no finished run yet; go on with `plantfit resume {number}`.")
-    return found
-
-
-def shooting_starts(problem: Problem, segments: int | None, seed: int) -> np.ndarray | None:
-    """Where multiple shooting with so many segments a record ends (1, d); None without segments."""
-    return None if segments is None else Shooting.of(problem, segments=segments).search(seed=seed).z[None, :]
-
-
-def prepare(problem: Problem) -> Problem:
-    """Choose the substeps of the simulation; the same for the same problem, so that a resumed study repeats it."""
-    return choose_substeps(problem)
 
 
 def estimate_at(problem: Problem, z: np.ndarray, names: Sequence[str]) -> Estimate:

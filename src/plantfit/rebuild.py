@@ -9,25 +9,20 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import spec
 from plantfit.errors import RecordingError
-from plantfit.fitting import prepare, shooting_starts
 from plantfit.optimize.contract import Objective
-from plantfit.problem import Problem
-from plantfit.study.objective import objective_of
+from plantfit.stages import Prepared, prepare
 from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 
 
 def searched(text: str, path: str, files: Mapping[str, Path], start: np.ndarray | None) -> tuple[Objective, Callable[[Any], Any]]:
     """The `Maker` of studies that were begun from a study file."""
-    study = spec.parse(text, path, files)
-    problem = prepare(study.problem)
-    return objective(study, problem, start), problem.space.physical
+    prepared = prepared_study(spec.parse(text, path, files), start)
+    return prepared.objective, prepared.to_physical
 
 
-def objective(study: spec.Study, problem: Problem, start: np.ndarray | None = None) -> Objective:
-    """What a study searches; `problem` is that of the study, prepared."""
-    if start is None:
-        start = shooting_starts(problem, study.table.search.shooting, study.plan.seed)
-    return objective_of(problem, start)
+def prepared_study(study: spec.Study, start: np.ndarray | None = None) -> Prepared:
+    """The problem of a study file as its plan searches it; `start` (k, d) replaces what multiple shooting would have to find."""
+    return prepare(study.problem, shooting=study.table.search.shooting, seed=study.plan.seed, start=start)
 
 
 def recipe_of(study: spec.Study) -> Recipe:

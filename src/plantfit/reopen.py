@@ -7,11 +7,10 @@ from pathlib import Path
 
 import plantfit.runtime  # noqa: F401
 from plantfit import spec
+from plantfit.answer import Answer
 from plantfit.errors import StoreError
-from plantfit.fitting import Answer, finish, prepare, stored_runs
-from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
-from plantfit.study.objective import objective_of
+from plantfit.stages import Prepared, judged, prepare, stated_in_file, stored_runs
 from plantfit.study.running.probe import check_same, probe
 from plantfit.study.store.addresses import STORE, VARIABLE, shown
 from plantfit.study.store.records import StudyRecord
@@ -41,11 +40,14 @@ def open_study(
     record = _found(opened, study)
     runs = stored_runs(opened, record.id)  # what is not finished is said before any work
     read = study_of(record) if problem is None else None
-    prepared = prepare(problem if read is None else read.problem)  # type: ignore[arg-type]
-    check_same(opened.probe(record.id), probe(objective_of(prepared), prepared.space.physical), record.id)
-    file = read.problem.study_file if problem is None else problem.study_file  # type: ignore[union-attr]
-    stated = (errors or (), draws) if file is None or errors is not None else (file.errors, file.draws if draws is None else draws)
-    return _answer(record, prepared, runs, file and file.text, _command(record, read) if read else "", stated, {})
+    given = problem if read is None else read.problem
+    assert given is not None
+    prepared, file = prepare(given), given.study_file
+    check_same(opened.probe(record.id), probe(prepared.objective, prepared.to_physical), record.id)
+    return judged(
+        prepared.problem, runs, seed=int(record.plan["seed"]), spec=None if file is None else file.text,
+        command=_command(record, read) if read else "", seconds={}, stated=stated_in_file(given, errors, draws),
+    )  # fmt: skip
 
 
 def study_of(record: StudyRecord, path: str | Path = "study.toml") -> spec.Study:
@@ -61,21 +63,18 @@ def study_of(record: StudyRecord, path: str | Path = "study.toml") -> spec.Study
     return spec.parse(record.spec_text, record.spec_path or path)
 
 
-def answer_of(store: Store, record: StudyRecord, study: spec.Study, seconds: Mapping[str, float], problem: Problem | None = None) -> Answer:
-    """The answer of a study that was begun from a study file, whose `problem` may be prepared already.
+def answer_of(
+    store: Store, record: StudyRecord, study: spec.Study, seconds: Mapping[str, float], prepared: Prepared | None = None
+) -> Answer:
+    """The answer of a study that was begun from a study file, whose problem may be `prepared` already.
 
     Raises StoreError where no run is finished.
     """
-    runs, stated = stored_runs(store, record.id), (study.errors, study.draws)
-    return _answer(record, problem or prepare(study.problem), runs, study.text, _command(record, study), stated, seconds)
-
-
-def _answer(
-    record: StudyRecord, problem: Problem, runs: Sequence[RunResult], text: str | None, command: str,
-    stated: tuple[Sequence[SharedError], int | None], seconds: Mapping[str, float],
-) -> Answer:  # fmt: skip
-    final, results = finish(problem, runs)
-    return Answer(final, results, int(record.plan["seed"]), text, command, dict(seconds), tuple(stated[0]), stated[1])
+    runs, problem = stored_runs(store, record.id), (prepared or prepare(study.problem)).problem
+    return judged(
+        problem, runs, seed=int(record.plan["seed"]), spec=study.text, command=_command(record, study), seconds=seconds,
+        stated=(study.errors, study.draws),
+    )  # fmt: skip
 
 
 def _command(record: StudyRecord, study: spec.Study) -> str:

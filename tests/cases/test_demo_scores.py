@@ -7,6 +7,7 @@ import pytest
 
 from plantfit.cases import demos
 from plantfit.cases.gearmotor.story import scores
+from plantfit.findings import read_findings
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,15 @@ def test_record_is_whole(records, name):
         low, high = answer.problem.space.lower, answer.problem.space.upper
         values = np.array([answer.values[n] for n in answer.problem.space.names])
         assert np.all((values > low) & (values < high)), "an answer on a bound would be one that the study file made"
+
+
+@pytest.mark.parametrize(
+    "name", ["gearmotor", "tanks", "emps", *(pytest.param(n, marks=pytest.mark.slow) for n in ("heater", "exchanger"))]
+)
+def test_findings_are_the_records_that_define_them(records, name):
+    for answer in records(name)["answers"]:
+        text = json.dumps(answer.findings, allow_nan=False)
+        assert json.dumps(read_findings(json.loads(text)).plain()) == text
 
 
 def test_gearmotor_beats_the_linear_model_on_the_unseen_half(records):

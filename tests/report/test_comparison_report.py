@@ -10,9 +10,9 @@ from chromium import drawn
 from findings_example import example
 
 from plantfit.errors import StoreError
+from plantfit.findings import read_findings
 from plantfit.report import render_comparison, render_html, write_comparison
 from plantfit.report.drawings import Drawings
-from plantfit.report.schema import read_findings
 from plantfit.report.sections.comparison import of_findings
 from plantfit.report.sections.paper_tables import csv_table, latex_table
 from plantfit.study.comparing.problem_runs import ProblemRuns

@@ -7,10 +7,10 @@ import plotly.graph_objects as go
 import pytest
 from findings_example import example
 
+from plantfit.findings import History, Parameter, read_findings
 from plantfit.report import figures
 from plantfit.report.figures.convergence import cost_at
 from plantfit.report.figures.parameters import position
-from plantfit.report.schema import History, Parameter, read_findings
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 from findings_example import example
 
+from plantfit.findings import read_findings
 from plantfit.report import render_html
 from plantfit.report.figures import residual_change_figure, share_figure
-from plantfit.report.schema import read_findings
 
 SENTENCE = "A dead time of 0.200 ± 0.001 s on u explains 99 % of what is left (RMSE 2.21 to 0.0737 K): very likely missing."
 

@@ -11,8 +11,8 @@ from findings_example import example
 from jinja2 import Environment, meta
 
 from plantfit.errors import PlantfitError, StoreError
+from plantfit.findings import read_findings
 from plantfit.report import html, render_html, summary_text, write_report
-from plantfit.report.schema import read_findings
 
 EVIL = "</script><script>alert(1)</script><img src=http://evil.example/x>"
 

@@ -7,9 +7,9 @@ import pytest
 from findings_example import example
 
 from plantfit.errors import PlantfitError
+from plantfit.findings import read_findings
 from plantfit.report import render_html, summary_text
 from plantfit.report.figures import table_figure
-from plantfit.report.schema import read_findings
 from plantfit.report.sections.tables import basins_table, entries_tables
 
 NODES = [0.0, 5.0, 10.0, 20.0]

@@ -3,8 +3,8 @@
 import pytest
 from findings_example import example
 
+from plantfit.findings import read_findings
 from plantfit.report import budgets_text, render_html, summary_text, uncertainty_text
-from plantfit.report.schema import read_findings
 from plantfit.report.sections.uncertainty_tables import budget_table, widened_table
 
 BUDGET = {

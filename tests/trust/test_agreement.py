@@ -6,12 +6,12 @@ from scipy.optimize import least_squares
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Status
+from plantfit.findings import read_findings
 from plantfit.fitting import Answer, fit
 from plantfit.models import equations
 from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.report.schema import read_findings
 from plantfit.trust.finish import final_problem as finishing
 from plantfit.trust.finish.final_problem import finish
 

@@ -12,12 +12,12 @@ from benchmarks.diagnosis import PLANTS, write
 
 import plantfit as pf
 from plantfit.errors import ModelError
+from plantfit.findings import Cross
 from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html
-from plantfit.report.schema import Cross
 from plantfit.report.sections.sentences import independence
 from plantfit.spec import load
 from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase

@@ -8,13 +8,12 @@ import pytest
 from test_agreement import two_outputs
 
 import plantfit.runtime  # noqa: F401
-from plantfit.fitting import Answer, finish, prepare
 from plantfit.models import equations
 from plantfit.optimize import minimise
 from plantfit.problem import Problem
 from plantfit.problem.evaluate import points
 from plantfit.recording.record import Recording, Signal
-from plantfit.study.objective import objective_of
+from plantfit.stages import judged, prepare
 
 import jax
 
@@ -63,10 +62,9 @@ def compiled():
 
 
 def through(problem, method="auto", runs=1, budget=2000):
-    problem = prepare(problem)
-    results = minimise(objective_of(problem), method, runs=runs, budget=budget, seed=0)
-    final, results = finish(problem, results)
-    return Answer(final, results, 0).findings
+    prepared = prepare(problem)
+    results = minimise(prepared.objective, method, runs=runs, budget=budget, seed=0)
+    return judged(prepared.problem, results, seed=0, spec=None, command="", seconds={}, stated=((), None)).findings
 
 
 def few_samples() -> Problem:

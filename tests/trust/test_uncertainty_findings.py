@@ -136,7 +136,7 @@ def test_a_reference_that_two_channels_share_leaves_their_ratio(problem):
     assert np.hypot(alone.systematic["span"], alone.systematic["other"])[1] > 0.04  # as two cards would
     drawn = propagate_by_monte_carlo(problem, fitted(problem), [both], draws=60, seed=1)
     assert drawn.combined[1] == pytest.approx(drawn.random[1], rel=0.3)
-    assert [b["of"] for b in reading_budgets(problem, [both])] == ["u", "y"]
+    assert [b.of for b in reading_budgets(problem, [both])] == ["u", "y"]
 
 
 def test_few_repeats_widen_the_interval(problem):
@@ -233,15 +233,15 @@ def test_budgets_stand_at_the_most_uncertain_reading():
     only = dataclasses.replace(OFFSET, recordings=("two",))
     first, second, clock, held = reading_budgets(problem, [GAIN, card, only, SharedError(type_b("clock", 1e-4), "clock"), BRIDGE])
     largest = max(problem.experiments["one"].recording["y"])
-    assert (first["recordings"], second["recordings"]) == (["one"], ["two"])
-    assert first["at"] == largest
+    assert (first.recordings, second.recordings) == (["one"], ["two"])
+    assert first.at == largest
     expected = np.hypot(largest * GAIN.source.standard, (1 - largest / 20) * card.source.standard)
-    assert first["combined"] == pytest.approx(expected)
-    assert first["expanded"] == pytest.approx(2 * expected)
-    assert [s["name"] for s in second["sources"]] == ["span", "card", "zero"]
-    assert [s["acts"] for s in second["sources"]] == ["gain", "zero", "offset"]
-    assert clock["combined"] == pytest.approx(1e-4 / np.sqrt(3))
-    assert (held["of"], held["at"], held["unit"], held["sources"][0]["acts"]) == ("c", 4.0, "ohm", "constant")
+    assert first.combined == pytest.approx(expected)
+    assert first.expanded == pytest.approx(2 * expected)
+    assert [s.name for s in second.sources] == ["span", "card", "zero"]
+    assert [s.acts for s in second.sources] == ["gain", "zero", "offset"]
+    assert clock.combined == pytest.approx(1e-4 / np.sqrt(3))
+    assert (held.of, held.at, held.unit, held.sources[0].acts) == ("c", 4.0, "ohm", "constant")
 
 
 def test_intervals_with_a_held_constant_and_few_repeats_hold_what_they_promise():

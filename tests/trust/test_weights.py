@@ -7,10 +7,10 @@ import pytest
 from test_agreement import two_outputs
 
 from plantfit.errors import SpaceError
+from plantfit.findings import read_findings
 from plantfit.fitting import fit
 from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.report import summary_text, write_report
-from plantfit.report.schema import read_findings
 
 
 @pytest.mark.parametrize(

@@ -425,9 +425,16 @@ def methods(name: Annotated[str | None, typer.Argument(help="Show one method in 
 
 
 @app.command()
-def schema() -> None:
+def schema(
+    findings: Annotated[bool, typer.Option("--findings", help="That of the findings, which `plantfit run --json` prints.")] = False,
+) -> None:
     """Print the JSON schema of study files, by which editors complete and check keys."""
     from plantfit.cli.terminal.out import print_json
+
+    if findings:
+        from plantfit.findings.whole import findings_schema
+
+        return print_json(findings_schema())
     from plantfit.spec.tables import json_schema
 
     print_json(json_schema())

@@ -14,12 +14,12 @@ import jinja2
 from markupsafe import Markup
 
 from plantfit.errors import StoreError
+from plantfit.findings import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings, embedded
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
 from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
-from plantfit.report.schema import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
 from plantfit.report.sections import comparison as comparison_section
 from plantfit.report.sections import missing, sentences, tables, uncertainty_tables
 
@@ -36,7 +36,7 @@ MOST_INTERVALS = 60  # rows of the figure of intervals
 
 
 def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
-    """Write the report of a findings record (docs/architecture.md) to `path` and return it.
+    """Write the report of the findings of an answer to `path` and return it.
 
     The file appears whole or not at all. PlantfitError for a record that does not fit the schema;
     StoreError when the folder is missing or cannot be written to.

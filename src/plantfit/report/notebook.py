@@ -6,9 +6,9 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from plantfit.findings import read_findings
 from plantfit.report.html import template_text
 from plantfit.report.plot import light_colours
-from plantfit.report.schema import read_findings
 from plantfit.report.sections import sentences, tables
 
 MOST_ROWS = 60  # parameters and entries of tables

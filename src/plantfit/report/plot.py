@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from plantfit.findings import read_findings
 from plantfit.report.figures import fit_figure
-from plantfit.report.schema import read_findings
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -4,8 +4,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from plantfit.findings import Findings, Parameter, ReadingBudget, Score, read_findings
 from plantfit.report.numbers import plus_minus, significant
-from plantfit.report.schema import Findings, Parameter, Score, read_findings
 from plantfit.report.sections.sentences import LEVELS, no_validation, parameter_status, subtitle
 from plantfit.report.sections.tables import Table, parameter_interval, statuses, weights_table
 from plantfit.report.sections.uncertainty_tables import budgets_of, widened_table
@@ -74,7 +74,7 @@ def uncertainty_text(findings: Mapping[str, Any]) -> str:
     return _uncertainty(read_findings(findings))
 
 
-def budgets_text(budgets: Sequence[Mapping[str, Any]]) -> str:
+def budgets_text(budgets: Sequence[Mapping[str, Any] | ReadingBudget]) -> str:
     """Budgets as `plantfit.trust.stated_errors.reading_budgets` gives them."""
     return "\n\n".join(f"{_line(b.caption)}\n{_grid(b)}" for b in budgets_of(budgets, True))
 

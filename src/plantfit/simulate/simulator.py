@@ -308,7 +308,7 @@ class Simulator:
     def _delays(self, p):
         return tuple(p[d.parameter] for d in self.vector.model.delays)
 
-    def steps(self, p, drive: Drive):
+    def steps(self, p: Mapping[str, Any], drive: Drive) -> tuple[Steps, tuple[tuple[Any, ...], tuple[Any, ...], Any]]:
         """The grid, and per step (inputs at its start, inputs at its end, length)."""
         delays = self._delays(p)
         if delays:

@@ -10,6 +10,7 @@ from plantfit.cases.gearmotor.steady import steady_speed
 from plantfit.cases.shared.fitting import part, residual, rms
 from plantfit.cases.shared.followed import followed_figure
 from plantfit.controllers import Controller
+from plantfit.findings import Round
 from plantfit.fitting import Answer
 from plantfit.recording import Recording
 from plantfit.report.figures import style
@@ -17,7 +18,6 @@ from plantfit.report.figures.control.loops import loop_figure
 from plantfit.report.figures.missing import share_figure
 from plantfit.report.figures.style import Figure
 from plantfit.report.pages.controller import COLUMNS, named, table_rows
-from plantfit.report.schema import Round
 
 SENSOR = 6.43  # deg/s, one step of the speed that the board reports
 SHOWN = 8  # rows of the table of what was tried

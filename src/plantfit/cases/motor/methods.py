@@ -8,11 +8,11 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.motor.bench import TRUTH
-from plantfit.fitting import prepare
 from plantfit.optimize import RunResult, minimise
 from plantfit.problem import Problem
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.spec.study import Study
+from plantfit.stages import prepare
 from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
 from plantfit.study.objective import objective_of
@@ -48,8 +48,8 @@ class Methods:
 
 def searched(study: Study, runs: int, full: bool, begins: Callable[[str], None] | None = None) -> Methods:
     """`runs` of every method on a two_errors.toml study."""
-    problem, plan = prepare(study.problem), study.plan
-    objective = objective_of(problem)
+    prepared, plan = prepare(study.problem), study.plan
+    problem, objective = prepared.problem, prepared.objective
     given = dict(plan.settings["binary_ga"])
     jobs = {label: ("binary_ga", given | more) for label, more in GA.items()}
     jobs |= {m: (m, dict(plan.settings.get(m, {}))) for m in (FULL if full else SMALL)}

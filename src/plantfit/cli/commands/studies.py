@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.cli.commands.judging.check import say_looks
@@ -12,6 +12,10 @@ from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
 from plantfit.study.store.addresses import shown, store_option
+
+if TYPE_CHECKING:
+    from plantfit.answer import Answer
+    from plantfit.spec import Study
 
 
 def run(
@@ -112,7 +116,7 @@ def report(number: int | None, store: str, place: str | None, json: bool, diagno
         print_json(said)
 
 
-def stored_answer(number: int | None, store: str):
+def stored_answer(number: int | None, store: str) -> "tuple[Study, Answer]":
     """A stored study (the newest where no number is given) and its answer."""
     from plantfit.study import Store
 
@@ -133,8 +137,8 @@ def _work(
         raise Interrupted(_saved([r for r in records if r.state != "done"], store))
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
-        seconds = {"prepare": one.seconds, "search": searched}
-        answer = _answer(one.study, opened, number, seconds, one.problem)
+        seconds = {"prepare": one.prepared.seconds, "search": searched}
+        answer = _answer(one.study, opened, number, seconds, one.prepared)
         said.append(_deliver(answer, place, one.study, json, diagnose, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
@@ -146,10 +150,10 @@ def _saved(records, store: str) -> str:
     return f"{', '.join(each)}; go on with `plantfit resume {' '.join(str(r.id) for r in records)}{where}`."
 
 
-def _answer(study, opened, number: int, seconds, problem=None):
+def _answer(study, opened, number: int, seconds, prepared=None):
     from plantfit.reopen import answer_of
 
-    return answer_of(opened, opened.study(number), study, seconds, problem)
+    return answer_of(opened, opened.study(number), study, seconds, prepared)
 
 
 def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:

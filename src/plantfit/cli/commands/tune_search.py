@@ -16,15 +16,14 @@ def tune_search(
 ) -> None:  # fmt: skip
     """Tune the settings of a method on the problem of a study file."""
     from plantfit import spec as specs
-    from plantfit.fitting import prepare
-    from plantfit.study import objective_of
+    from plantfit.stages import prepare
     from plantfit.study.tuning.tuner import tune
 
     narrowed, held = _ranges(ranges), _held(hold)
     names = None if only is None else [n.strip() for n in only.split(",") if n.strip()]
     study = specs.load(spec)
     demand_search(study)
-    objective = objective_of(prepare(study.problem))
+    objective = prepare(study.problem).objective
     with progress_line(json) as tell, stoppable() as stop:
         found = tune(
             objective, method, outer, only=names, ranges=narrowed, held=held, budget=study.plan.budget if budget is None else budget,

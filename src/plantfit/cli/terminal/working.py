@@ -1,36 +1,34 @@
 """Studies searched by this process, by helpers on this machine, or by a cluster."""
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.terminal.interrupts import Stopping, stoppable
 from plantfit.cli.terminal.out import warn
 from plantfit.errors import SearchError
 
+if TYPE_CHECKING:
+    from plantfit.spec import Study
+    from plantfit.stages import Prepared
+
 
 @dataclass(frozen=True)
 class Ready:
-    """A study file whose problem is prepared; `number` is its study in the store, None before it is begun."""
+    """A study file and its problem, `prepared`; `number` is its study in the store, None before it is begun."""
 
-    study: Any
-    problem: Any
-    objective: Any
+    study: "Study"
+    prepared: "Prepared"
     number: int | None
-    seconds: float
 
 
-def ready(study: Any, number: int | None) -> Ready:
+def ready(study: "Study", number: int | None) -> Ready:
     """Prepare the problem of a study file as every worker does."""
-    from plantfit import rebuild
-    from plantfit.fitting import prepare
+    from plantfit.rebuild import prepared_study
 
     demand_search(study)
-    started = time.perf_counter()
-    problem = prepare(study.problem)
-    return Ready(study, problem, rebuild.objective(study, problem), number, time.perf_counter() - started)
+    return Ready(study, prepared_study(study), number)
 
 
 def demand_search(study: Any) -> None:
@@ -87,14 +85,9 @@ def _farewell(opened: Any, numbers: Sequence[int]) -> str:
 
 
 def _begun(opened: Any, one: Ready) -> int:
-    from plantfit import study as studies
+    from plantfit.stages import begin
 
-    if one.number is not None:
-        return one.number
-    return studies.begin(
-        one.study.plan, one.objective, opened, spec_text=one.study.text, spec_path=str(one.study.path.resolve()),
-        coordinates=one.problem.space.names, to_physical=one.problem.space.physical,
-    )  # fmt: skip
+    return begin(one.prepared, one.study.plan, opened, one.study.text, one.study.path) if one.number is None else one.number
 
 
 def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: int, tell: Any, stop: Stopping) -> None:
@@ -106,7 +99,7 @@ def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: i
         asked = latched(stop)
         attend(
             [
-                lambda one=one, number=number: joined(opened, number, one.objective, one.problem.space.physical, tell, asked)
+                lambda one=one, number=number: joined(opened, number, one.prepared.objective, one.prepared.to_physical, tell, asked)
                 for one, number in zip(chosen, numbers, strict=True)
             ],
             asked,
@@ -123,5 +116,5 @@ def _cluster(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], clien
     from plantfit.rebuild import recipe_of
     from plantfit.study.cluster.driver import Job, work_on_cluster
 
-    jobs = [Job(number, recipe_of(one.study), one.objective.start) for one, number in zip(chosen, numbers, strict=True)]
+    jobs = [Job(number, recipe_of(one.study), one.prepared.objective.start) for one, number in zip(chosen, numbers, strict=True)]
     work_on_cluster(opened, jobs, client, progress=tell, stop=stop, say=warn)

@@ -42,7 +42,9 @@ def unscented(kappa: float, f: Callable, mean: Any, root: Any) -> tuple[Any, Any
     return centre + shift, deviations, own
 
 
-def filter_step(plant: StateSpace, spread: Spread, keep: bool, c: Constants, belief: tuple[Any, Any], row: Row):
+def filter_step(
+    plant: StateSpace, spread: Spread, keep: bool, c: Constants, belief: tuple[Any, Any], row: Row
+) -> tuple[tuple[Any, Any], dict[str, Any]]:
     """From the belief (mean, root) after the row before to that after this one; beside it what the row told, a dict.
 
     `keep` adds what the smoother needs: the predicted mean, its deviations and those of the state before; and the root of the

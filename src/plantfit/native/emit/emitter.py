@@ -1,6 +1,6 @@
 """The state of a function being emitted: registers of nodes, memory of arrays, active lanes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes, literal
@@ -58,7 +58,7 @@ class Emitter(FunctionText):
     # -- active lanes -------------------------------------------------------------------------------
 
     @contextmanager
-    def active(self, masks: Lanes | None):
+    def active(self, masks: Lanes | None) -> Iterator[None]:
         """Within, only these lanes are active."""
         before, self.mask = self.mask, masks
         yield

@@ -23,7 +23,7 @@ class Local:
         space = self.problem.space.of_one_recording()
         return space.tree(space.physical(z))
 
-    def initial(self, z, segment: Segments):
+    def initial(self, z: jax.Array, segment: Segments) -> jax.Array:
         """What the model gives at the first sample of the record (n,)."""
         drive = segment.drive
         return jnp.stack(self.problem.predictor.stepping().initial(self._parameters(z), drive.first_input, drive.first_output))
@@ -35,11 +35,11 @@ class Local:
         y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(x, simulator.channels(p, segment.drive), simulator.positional(p))
         return x, y
 
-    def simulated(self, z, s, segment: Segments):
+    def simulated(self, z: jax.Array, s: jax.Array, segment: Segments) -> jax.Array:
         """States (n, T)."""
         return jnp.stack(self._run(z, s, segment)[0])
 
-    def linearised(self, z, s, segment: Segments):
+    def linearised(self, z: jax.Array, s: jax.Array, segment: Segments) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Rows (k, q + n + 1) as in `Linear`, final states (n,) and their derivatives (n, q + n)."""
         q = z.shape[0]
 
@@ -55,7 +55,7 @@ class Local:
         (by_v, end_by_v), (r, end) = jax.jacfwd(values, has_aux=True)(jnp.concatenate([z, s]))
         return jnp.linalg.qr(jnp.concatenate([by_v, r[:, None]], axis=1), mode="r"), end, end_by_v
 
-    def inverted(self, z, s, segment: Segments):
+    def inverted(self, z: jax.Array, s: jax.Array, segment: Segments) -> jax.Array:
         """States (n,) near `s` whose outputs are those measured at the first scored samples: Newton steps of least length."""
         simulator, p = self.problem.predictor.stepping(), self._parameters(z)
         at = jnp.stack([jnp.argmax(scored) for scored in segment.scored])

@@ -17,7 +17,7 @@ class Look:
     begin: float
     end: float
     write: str = ""
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, int | float | None] = field(default_factory=dict)
 
     @property
     def record(self) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plantfit.findings import Run, array
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
-from plantfit.report.schema import Run, array
 
 BAND_FROM = 5  # runs of a method from which a median and quartiles mean something
 MOST_LINES = 60  # runs drawn one by one

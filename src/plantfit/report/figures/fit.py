@@ -1,14 +1,15 @@
 """Measured against simulated, residuals under them, inputs below; one time axis for all panels."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from plantfit.findings import Output, Recording, array
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import with_unit
-from plantfit.report.schema import Output, Recording, array
 
 OUTPUT_HEIGHT, SMALL_HEIGHT, GAP, TOP, BOTTOM = 190, 84, 34, 58, 46  # pixels
 MOST_ZONES = 60  # more pieces than this are too fine to see
@@ -67,7 +68,7 @@ def _domains(heights: list[int]) -> list[list[float]]:
     return [[max(0.0, (top - height) / total), top / total] for top, height in zip(tops, heights, strict=True)]
 
 
-def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more) -> dict:
+def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any) -> dict[str, Any]:
     keep = envelope(values, points)
     base = {
         "type": "scatter",

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plantfit.findings import ResidualChange, Round, array
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import percent, with_unit
-from plantfit.report.schema import ResidualChange, Round, array
 
 MOST_BARS = 15
 PANEL, GAP, TOP, BOTTOM = 150, 40, 58, 46  # pixels

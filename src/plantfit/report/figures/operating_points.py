@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from plantfit.findings import OperatingTable, array
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import interval, significant, unit_label, with_unit
-from plantfit.report.schema import OperatingTable, array
 
 HEIGHT = 340  # pixels
 SIDE, SPREAD = 0.1, 0.6  # of the least distance between nodes: from line to line, and of all lines together

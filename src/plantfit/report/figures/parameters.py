@@ -1,13 +1,14 @@
 """Where each parameter lies inside its bounds, how sure that is, and which parameters only act together."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from plantfit.findings import Combination, Parameter, Run
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import interval, plus_minus, significant, unit_label
-from plantfit.report.schema import Combination, Parameter, Run
 
 ROW = 50  # pixels
 AGREES = 1.01  # a run within 1 % of the lowest cost found the same fit
@@ -86,7 +87,7 @@ def _reach(p: Parameter, low: float | None, high: float | None) -> tuple[float, 
     return tuple(float(np.clip(position(p, float(v or 0)), 0, 1)) for v in (low, high))  # type: ignore[return-value]
 
 
-def _lines(name: str, pieces: list[tuple[float, float, int]], colour: str, width: int, **more) -> dict:
+def _lines(name: str, pieces: list[tuple[float, float, int]], colour: str, width: int, **more: Any) -> dict[str, Any]:
     x = [v for low, high, _ in pieces for v in (low, high, None)]
     y = [v for _, _, row in pieces for v in (row, row, None)]
     base = {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": {"color": colour, "width": width}}

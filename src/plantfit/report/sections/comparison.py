@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import Status
+from plantfit.findings import Findings, Number, Parameter, Run, SameModel, array
 from plantfit.report.drawings import Drawings
 from plantfit.report.figures.comparison import answers, costs, curves
-from plantfit.report.schema import Findings, Number, Parameter, Run, SameModel, array
 from plantfit.report.sections import comparison_tables as tables
 from plantfit.report.sections.sentences import listed
 from plantfit.study.comparing.problem_runs import ProblemRuns

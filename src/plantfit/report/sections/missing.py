@@ -2,10 +2,11 @@
 
 from typing import Any
 
+from plantfit.findings import Findings, Round, Tried
+from plantfit.recording.looks.look import Look
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings
 from plantfit.report.numbers import percent, plus_minus, significant, unit_label
-from plantfit.report.schema import Findings, Look, Round, Tried
 from plantfit.report.sections.sentences import LEVELS, listed
 from plantfit.report.sections.tables import Table
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from plantfit.findings import Recording
 from plantfit.report.figures.fit import fit_figure
 from plantfit.report.numbers import interval, plus_minus, unit_label
-from plantfit.report.schema import Recording
 
 POINTS = 3000
 COLUMNS = ("coefficient", "unit", "instrumental variables", "95 % interval", "least squares", "95 % interval")

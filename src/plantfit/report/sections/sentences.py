@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 
 from plantfit.errors import Status
+from plantfit.findings import Cross, Findings, Parameter, ResidualTest
 from plantfit.report.numbers import UNKNOWN, count, percent, significant
-from plantfit.report.schema import Cross, Findings, Parameter, ResidualTest
 
 LEVELS = {"good": ("Good", "✓"), "warning": ("Caution", "!"), "bad": ("Problem", "✕"), "info": ("Note", "i")}
 _STATUS = {

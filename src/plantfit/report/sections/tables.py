@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from plantfit.findings import Basin, Number, Parameter, Run, Score, Simulation, Weight
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
-from plantfit.report.schema import Basin, Number, Parameter, Run, Score, Simulation, Weight
 from plantfit.report.sections.sentences import listed, parameter_status, run_end, run_status, share
 
 MOST_RUNS = 200

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings import Findings, Parameter, ReadingBudget, StatedError, StatedUncertainty, Uncertainty
 from plantfit.report.numbers import interval, percent, plus_minus, significant, unit_label
-from plantfit.report.schema import Findings, Parameter, ReadingBudget, StatedError, StatedUncertainty, Uncertainty
 from plantfit.report.sections.sentences import listed
 from plantfit.report.sections.tables import Table
 
@@ -23,7 +23,7 @@ def of_findings(record: Findings) -> dict[str, Any] | None:
     return {"told": _told(stated), "budgets": [budget_table(b) for b in stated.budgets], "parameters": widened_table(record.parameters)}
 
 
-def budgets_of(plain: Sequence[Mapping[str, Any]], ascii_only: bool = False) -> list[Table]:
+def budgets_of(plain: Sequence[Mapping[str, Any] | ReadingBudget], ascii_only: bool = False) -> list[Table]:
     """Tables of budgets as `plantfit.trust.stated_errors.reading_budgets` gives them."""
     return [budget_table(ReadingBudget.model_validate(b), ascii_only) for b in plain]
 

@@ -61,7 +61,7 @@ class HeldPlant:
         names = self.vector.channels[:-1]
         return (*(given[i] if i in given else row[f"input {name}"] for i, name in enumerate(names)), t)
 
-    def outputs(self, x, u, row, t, p) -> tuple[Any, ...]:
+    def outputs(self, x: tuple[Any, ...], u: tuple[Any, ...], row: dict[str, Any], t: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
         """Every output of the model; outputs do not read delayed inputs."""
         late = {} if self.dead is None else {one.channel: 0.0 for one in self.dead.late}
         return self.vector.output(x, self.channels(u, row, t, late), p)

@@ -113,7 +113,7 @@ def _body(loop: SampledLoop, controller: Any, dynamics: Dynamics, constant: Rows
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def trajectory(loop: SampledLoop, n: int, controller, dynamics: Dynamics, x, rows: Rows) -> Trajectory:
+def trajectory(loop: SampledLoop, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows) -> Trajectory:
     """All signals at `n` samples."""
     constant, moving = split(rows)
     begin, sample = _body(loop, controller, dynamics, constant)
@@ -131,7 +131,7 @@ def trajectory(loop: SampledLoop, n: int, controller, dynamics: Dynamics, x, row
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))
-def observed(loop: SampledLoop, observer: Observer, n: int, controller, dynamics: Dynamics, x, rows: Rows):
+def observed(loop: SampledLoop, observer: Observer, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows) -> Any:
     """The result of the observer after `n` samples."""
     constant, moving = split(rows)
     begin, sample = _body(loop, controller, dynamics, constant)

@@ -7,6 +7,7 @@ can differ from zero (None: all). `registry.py` lists them.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import plantfit.runtime  # noqa: F401
@@ -15,10 +16,18 @@ from plantfit.models.parts.tables import shared_lookups
 import jax
 import jax.numpy as jnp
 
+Scalars = tuple[Any, ...]
+"""One traced or plain number for each state, input or parameter."""
+Rate = Callable[[Scalars, Scalars, Scalars], Scalars]
+"""f(x, u, p), the rates of the states."""
+Matrix = Sequence[Sequence[Any]]
+Pattern = Sequence[Sequence[bool]]
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 
 
-def rosenbrock(rate, x, u0, u1, h, p, varying, pattern=None):
+def rosenbrock(
+    rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None
+) -> Scalars:
     """Two-stage, second-order, L-stable Rosenbrock method ROS2.
 
     Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. (2.9), gamma = 1 - 1/sqrt 2,
@@ -35,7 +44,9 @@ def rosenbrock(rate, x, u0, u1, h, p, varying, pattern=None):
     return tuple(a + h * (1.5 * b + 0.5 * c) for a, b, c in zip(x, k1, k2, strict=True))
 
 
-def exponential(rate, x, u0, u1, h, p, varying, pattern=None):
+def exponential(
+    rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None
+) -> Scalars:
     """Exponential Rosenbrock-Euler step with a rational exponential; one evaluation, L-stable.
 
     Order 2, and 3 where the rate is linear: x1 = x + (R(Z) - I) J^-1 f with Z = h J and the Pade approximant
@@ -84,7 +95,7 @@ def _rational_pair(z, f, d):
     return [plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
 
 
-def jacobian_of(rate, x, u, p, pattern):
+def jacobian_of(rate: Rate, x: Scalars, u: Scalars, p: Scalars, pattern: Pattern | None) -> tuple[Scalars, Matrix]:
     """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
     n = len(x)
     columns, f = [], None
@@ -97,7 +108,7 @@ def jacobian_of(rate, x, u, p, pattern):
     return f, [[columns[j][i] if pattern is None or pattern[i][j] else 0.0 for j in range(n)] for i in range(n)]
 
 
-def drift_of(rate, x, u0, u1, p):
+def drift_of(rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, p: Scalars) -> tuple[Scalars, Scalars]:
     """f and its change by the inputs over the step, (df/du) (u1 - u0)."""
     return jax.jvp(lambda u: rate(x, u, p), (u0,), (tuple(b - a for a, b in zip(u0, u1, strict=True)),))
 
@@ -107,22 +118,22 @@ def _zero(a) -> bool:
     return isinstance(a, float) and a == 0.0
 
 
-def times(a, b):
+def times(a: Any, b: Any) -> Any:
     return 0.0 if _zero(a) or _zero(b) else a * b
 
 
-def plus(a, b):
+def plus(a: Any, b: Any) -> Any:
     return b if _zero(a) else a if _zero(b) else a + b
 
 
-def dot(a, b):
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     total: Any = 0.0
     for s, t in zip(a, b, strict=True):
         total = plus(total, times(s, t))
     return total
 
 
-def rk4(rate, x, u0, u1, h, p, varying, pattern=None):
+def rk4(rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None) -> Scalars:
     """The classical fourth-order Runge-Kutta method (Kutta 1901); for plants that are not stiff."""
     middle = tuple(0.5 * (a + b) for a, b in zip(u0, u1, strict=True)) if varying else u0
     end = u1 if varying else u0
@@ -137,7 +148,7 @@ def rk4(rate, x, u0, u1, h, p, varying, pattern=None):
     return tuple(a + h / 6.0 * (b + 2.0 * c + 2.0 * d + e) for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True))
 
 
-def factored(m):
+def factored(m: Matrix) -> Callable[[Sequence[Any]], list[Any]]:
     """A solver for the small matrix `m` (rows of scalars): closed form to size 2, else elimination.
 
     With pivoting by rows, as selections rather than branches, so that a batch stays one program.

@@ -82,7 +82,7 @@ def evaluate(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, th
     return (predicted - rows.measured) * weight, jacobian * weight[:, None]
 
 
-def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict | None:
+def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict[str, dict[str, np.ndarray]] | None:
     own = [(k, a.signal, a.candidate.law) for k, a in enumerate(additions) if isinstance(a.candidate, Before)]
     if not own:
         return None
@@ -96,7 +96,9 @@ def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray)
     return made
 
 
-def _behind(carrier: Carrier, y: str, law: Law, column: int, value: float, predicted: np.ndarray, jacobian: np.ndarray):
+def _behind(
+    carrier: Carrier, y: str, law: Law, column: int, value: float, predicted: np.ndarray, jacobian: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     predicted, jacobian = predicted.copy(), jacobian.copy()
     for name, e in carrier.problem.experiments.items():
         at = carrier.rows.part(name, y)

@@ -8,6 +8,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
+from plantfit.findings.diagnosis import Diagnosis as Section
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
@@ -75,7 +76,7 @@ def with_diagnosis(
 
 
 def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Findings:
-    made = {**findings, "diagnosis": {**_EMPTY, **diagnosis}}
+    made = {**findings, "diagnosis": Section.model_validate({**_EMPTY, **diagnosis}).plain()}
     return {**made, "verdict": sentences(made, best)}
 
 

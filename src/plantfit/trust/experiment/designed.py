@@ -1,6 +1,6 @@
 """An input designed for a study's plant, held against step, PRBS, multisine and chirp within the same limits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -133,7 +133,9 @@ def _classical(
     return list(best.values())
 
 
-def _fitted(cost, slewed, limits: Limits, shape: np.ndarray, exchange: Exchange):
+def _fitted(
+    cost: Callable[[np.ndarray], float], slewed: Callable[[np.ndarray], np.ndarray], limits: Limits, shape: np.ndarray, exchange: Exchange
+) -> Iterator[tuple[np.ndarray, float]]:
     """A shape over the whole range of the inputs; where that breaks a limit, of the largest part that does not, at each offset."""
     width = limits.high - limits.low
     for offset in OFFSETS if limits.signals else OFFSETS[:1]:

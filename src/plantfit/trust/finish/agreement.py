@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import Status
+from plantfit.findings.record import Number
+from plantfit.findings.runs import Agreement, DistinctAnswer, SameModel
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.study.comparing.basins import Basin, optima
@@ -17,7 +19,7 @@ OUTSIDE = 1e-9  # of a value: what rounding may carry an answer outside of an in
 COMPARED = 12  # distinct answers that are looked at for exchanges and signs
 
 
-def agreement(problem: Problem, runs: Sequence[RunResult]) -> dict[str, Any]:
+def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
     """The section "agreement" of the findings record.
 
     A run reaches the reported answer when its own search came to its end at the lowest cost, to a millionth or to rounding. Of
@@ -34,23 +36,23 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> dict[str, Any]:
     groups, found, plain = distinct(problem, costs[reached], x, within)
     found = _with_others(problem, found, x, [z for k in reached for z in runs[k].extra.get("elsewhere", ())])
     values = np.asarray(problem.space.physical(x[plain])) if len(plain) else np.zeros((0, len(names)))
-    return {
-        "runs": len(runs),
-        "agree": len(reached),
-        "cost": best,
-        "spent": sum(r.status is Status.budget for r in runs),
-        "spent_and_searched": sum(r.status is Status.budget and r.extra.get("ended") != LEFT for r in runs),
-        "spent_and_agree": sum(runs[k].status is Status.budget for k in reached),
-        "cut": sum(r.extra.get("ended") == CUT for r in runs),
-        "left": sum(r.extra.get("ended") == LEFT for r in runs),
-        "ended": runs[int(np.argmin(costs))].extra.get("ended", ""),
-        "ranges": {n: [float(v.min()), float(v.max())] for n, v in zip(names, values.T, strict=True)} if len(plain) else {},
-        "answers": [{"runs": len(g.members), "parameters": _named(problem, g.x)} for g in groups],
-        "symmetries": [
-            {"sentence": s.sentence, "source": {n: names[k] for n, k in zip(names, s.source, strict=True)}, "sign": list(s.sign)}
+    return Agreement(
+        runs=len(runs),
+        agree=len(reached),
+        cost=best,
+        ranges={n: [float(v.min()), float(v.max())] for n, v in zip(names, values.T, strict=True)} if len(plain) else {},
+        spent=sum(r.status is Status.budget for r in runs),
+        spent_and_searched=sum(r.status is Status.budget and r.extra.get("ended") != LEFT for r in runs),
+        spent_and_agree=sum(runs[k].status is Status.budget for k in reached),
+        cut=sum(r.extra.get("ended") == CUT for r in runs),
+        left=sum(r.extra.get("ended") == LEFT for r in runs),
+        ended=runs[int(np.argmin(costs))].extra.get("ended", ""),
+        answers=[DistinctAnswer(runs=len(g.members), parameters=named(problem, g.x)) for g in groups],
+        symmetries=[
+            SameModel(sentence=s.sentence, source={n: names[k] for n, k in zip(names, s.source, strict=True)}, sign=list(s.sign))
             for s in found
         ],
-    }
+    )
 
 
 def distinct(problem: Problem, costs: np.ndarray, x: np.ndarray, within: float) -> tuple[list[Basin], list[Symmetry], list[int]]:
@@ -105,5 +107,6 @@ def _joined(own: Sequence[Basin]) -> Basin:
     return Basin(own[0].cost, members, sum(g.share for g in own), own[0].x, np.max([g.spread for g in own], axis=0))
 
 
-def _named(problem: Problem, z: np.ndarray) -> dict[str, float]:
-    return dict(zip(problem.space.names, np.asarray(problem.space.physical(z)).tolist(), strict=True))
+def named(problem: Problem, z: Any) -> dict[str, Number]:
+    """The parameters by name at a cube point (d,)."""
+    return dict(zip(problem.space.names, np.asarray(problem.space.physical(np.asarray(z))).tolist(), strict=True))

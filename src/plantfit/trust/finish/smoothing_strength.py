@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
+from plantfit.findings.tables import SmoothedTable
 from plantfit.problem.evaluate.smoothing import Key, Smoothing
 from plantfit.problem.measure.long_run import inflation
 from plantfit.problem.problem import Problem
@@ -160,7 +160,7 @@ def typical_bends(problem: Problem, z: np.ndarray) -> dict[Key, float]:
     return {key: float(sigma / np.sqrt(s)) if s > 0 else float("inf") for key, s in _smoothing(problem).strengths.items()}
 
 
-def smoothing_rows(problem: Problem, local: Local) -> list[dict[str, Any]]:
+def smoothing_rows(problem: Problem, local: Local) -> list[SmoothedTable]:
     """Rows of the findings record, one for each smoothed table: strengths and typical bends by axis, and its effective entries."""
     if problem.smoothing is None:
         return []
@@ -169,14 +169,14 @@ def smoothing_rows(problem: Problem, local: Local) -> list[dict[str, Any]]:
         own = [i for i, c in enumerate(problem.space.coordinates) if c.parameter == name]
         keys = [key for key in problem.smoothing.keys if key[0] == name]
         rows.append(
-            {
-                "name": name,
-                "over": [signal for _, signal in keys],
-                "strengths": [problem.smoothing.strengths[key] for key in keys],
-                "bends": [bends[key] if np.isfinite(bends[key]) else None for key in keys],
-                "chosen": problem.smoothing.asked.get(name, "given"),
-                "entries": len(own),
-                "effective": float(np.sum(local.effective[own])),
-            }
+            SmoothedTable(
+                name=name,
+                over=[signal for _, signal in keys],
+                strengths=[problem.smoothing.strengths[key] for key in keys],
+                bends=[bends[key] if np.isfinite(bends[key]) else None for key in keys],
+                chosen=problem.smoothing.asked.get(name, "given"),
+                entries=len(own),
+                effective=float(np.sum(local.effective[own])),
+            )
         )
     return rows

@@ -1,10 +1,10 @@
 """The scales that residuals of several outputs are divided by: those given stay, the others follow the residuals."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
+from plantfit.findings.recordings import Weight
 from plantfit.problem.evaluate import points
 from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
 from plantfit.problem.problem import Problem
@@ -63,17 +63,17 @@ def who_chose(source: ScaleSource) -> str:
 _WORDS = {"given": "given", "spread": "standard deviation of the record", "unit": "the only output, so that its scale changes nothing"}
 
 
-def weight_rows(problem: Problem) -> list[dict[str, Any]]:
+def weight_rows(problem: Problem) -> list[Weight]:
     """Rows of the findings record: the scale of every output in its unit, and who chose it."""
     return [
-        {
-            "output": o,
-            "unit": problem.model.outputs[o],
-            "scale": float(problem.scales[o]),
-            "chosen": problem.scale_sources[o].kind,
-            "who": who_chose(problem.scale_sources[o]),
-            "rounds": problem.scale_sources[o].rounds,
-            "settled": problem.scale_sources[o].settled,
-        }
+        Weight(
+            output=o,
+            unit=problem.model.outputs[o],
+            scale=float(problem.scales[o]),
+            chosen=problem.scale_sources[o].kind,
+            who=who_chose(problem.scale_sources[o]),
+            rounds=problem.scale_sources[o].rounds,
+            settled=problem.scale_sources[o].settled,
+        )
         for o in problem.outputs
     ]

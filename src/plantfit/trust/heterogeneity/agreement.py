@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate
 from plantfit.trust.heterogeneity.alone import Estimates
-from plantfit.trust.heterogeneity.cochran import LEVEL, difference, heterogeneity, holm, pooled, together
+from plantfit.trust.heterogeneity.cochran import LEVEL, Heterogeneity, difference, heterogeneity, holm, pooled, together
 from plantfit.trust.heterogeneity.sentences import sentences
 
 TOGETHER = ""  # the test of all parameters at once, beside those by name
@@ -100,7 +100,9 @@ def _on_scale(c: Coordinate, value: float, error: float, degrees: float) -> One:
     return (float(np.log(value)), error / value, degrees) if c.log else (value, error, degrees)
 
 
-def _tests(estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]):
+def _tests(
+    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]
+) -> tuple[dict[str, Heterogeneity], tuple[float, float, float] | None]:
     """Heterogeneity by parameter, and of all at once over the recordings that determine all that any determines."""
     tests = {}
     for name, own in estimates.items():

@@ -19,7 +19,7 @@ PREFERRED = float(special.chdtri(1.0, 0.01))  # twice the log-likelihood by whic
 
 @dataclass(frozen=True)
 class Estimates:
-    """What one fit says: `rows` of its parameters by coordinate name (docs/architecture.md), their covariance (d, d) in their units for
+    """What one fit says: `rows` of its parameters by coordinate name, their covariance (d, d) in their units for
     `names` (d,), how many `independent` samples of all `samples` the residuals are worth, whether intervals are `sound`, and the RMSE
     of every recording, in the unit of the output, of several outputs in scales."""
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.ranges import Linear, Range
 
@@ -48,7 +49,7 @@ class Combination:
         return " ".join(parts).removeprefix("+ ")
 
 
-def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[Row], ranges: Mapping[int, Range]) -> dict[str, Any] | None:
+def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[Row], ranges: Mapping[int, Range]) -> Determined | None:
     """The section "determined" of the findings record; None where there is no linearised problem (tables, many coordinates)."""
     if linear is None:
         return None
@@ -57,44 +58,44 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
     loose = [i for i in range(d) if status[names[i]] != "determined"]
     found = combinations_of(problem, linear, loose, ranges) if linear.sound and 1 < len(loose) <= MANY else []
     needs = only_if(linear, loose) if linear.sound and 1 < len(loose) <= MANY else {}
-    return {
-        "count": d - len(loose) + len(found),
-        "of": d,
-        "sound": linear.sound,
-        "samples": linear.samples,
-        "first_values": _by_first_values(names, linear, status),
-        "combinations": [
-            {
-                "formula": c.text(names),
-                "weights": {names[k]: float(w) for k, w in zip(c.places, c.weights, strict=True)},
-                "product": c.product,
-                "value": c.value,
-                "low": c.low,
-                "high": c.high,
-                "standard_error": c.standard_error,
-            }
+    return Determined(
+        count=d - len(loose) + len(found),
+        of=d,
+        sound=linear.sound,
+        samples=linear.samples,
+        first_values=_by_first_values(names, linear, status),
+        combinations=[
+            DeterminedCombination(
+                formula=c.text(names),
+                weights={names[k]: float(w) for k, w in zip(c.places, c.weights, strict=True)},
+                product=c.product,
+                value=c.value,
+                low=c.low,
+                high=c.high,
+                standard_error=c.standard_error,
+            )
             for c in found
         ],
-        "only_if": {
-            names[i]: {
-                "known": names[j],
-                "unit": problem.space.coordinates[j].unit,
-                "at": float(linear.values[j]),
-                "value": float(linear.values[i]),
-                "standard_error": error,
-            }
+        only_if={
+            names[i]: KnownOther(
+                known=names[j],
+                unit=problem.space.coordinates[j].unit,
+                at=float(linear.values[j]),
+                value=float(linear.values[i]),
+                standard_error=error,
+            )
             for i, (j, error) in needs.items()
         },
-    }
+    )
 
 
-def _by_first_values(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> dict[str, Any] | None:
+def _by_first_values(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> FirstValues | None:
     """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
     known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
     widest = max(known, key=lambda i: linear.begun[i], default=None)
     if widest is None or linear.begun[widest] < WIDER:
         return None
-    return {"parameter": names[widest], "factor": float(linear.begun[widest])}
+    return FirstValues(parameter=names[widest], factor=float(linear.begun[widest]))
 
 
 def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:

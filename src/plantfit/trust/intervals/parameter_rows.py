@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings.tables import OperatingTable
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
@@ -41,7 +42,7 @@ def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ran
     return rows
 
 
-def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] = ()) -> list[Row]:
+def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] = ()) -> list[OperatingTable]:
     """One for each parameter with a shape and each recording that has its own; entries flat in row-major order."""
     seen = {(v.table.name, v.recording): v.samples.ravel().tolist() for v in visits}
     found: dict[tuple[str, str | None], list[Row]] = {}
@@ -55,16 +56,19 @@ def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] =
         table, shape = axes.get(name), problem.space.parameters[name].shape
         over = list(table.over) if table else [f"entry {k}" for k in range(len(shape))]
         result.append(
-            {
-                "name": name,
-                "unit": entries[0]["unit"],
-                "over": over,
-                "over_units": [units.get(signal) for signal in over],
-                "nodes": [list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
-                "recording": recording,
-                "samples": seen.get((name, recording)),
-                **{key + "s" * (key == "value"): [e[key] for e in entries] for key in ("value", "low", "high", "status")},
-            }
+            OperatingTable(
+                name=name,
+                unit=entries[0]["unit"],
+                over=over,
+                over_units=[units.get(signal) for signal in over],
+                nodes=[list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
+                recording=recording,
+                samples=seen.get((name, recording)),
+                values=[e["value"] for e in entries],
+                low=[e["low"] for e in entries],
+                high=[e["high"] for e in entries],
+                status=[e["status"] for e in entries],
+            )
         )
     return result
 

@@ -2,23 +2,23 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
+from plantfit.findings.uncertainty import ReadingBudget, StatedError
 from plantfit.problem.problem import Problem
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY, uncertainty_budget
 
+Kind = Literal["signal", "clock", "constant"]
 K = 2.0  # coverage factor of the expanded uncertainty that is quoted
 
 
-def reading_budgets(problem: Problem, errors: Sequence[SharedError]) -> list[dict[str, Any]]:
-    """One budget for every signal (and every group of recordings that has the same errors), clock and constant; JSON types only.
+def reading_budgets(problem: Problem, errors: Sequence[SharedError]) -> list[ReadingBudget]:
+    """One budget for every signal (and every group of recordings that has the same errors), clock and constant.
 
-    Each has `of`, `kind` ("signal", "clock", "constant"), `unit`, `at` (the recorded reading that is the most uncertain, or the value
-    of the constant), `recordings` (None: all), `sources` (rows of `Budget.rows`, with what each error `acts` as), `combined`,
-    `expanded` (k = 2), `degrees_of_freedom` (None: many) and the `coverage_factor` of 95 %.
+    `at` is the recorded reading that is the most uncertain, or the value of the constant; `expanded` has k = 2.
     """
     found = []
     for subject in dict.fromkeys(s for e in errors for s in _subjects(e)):
@@ -29,7 +29,7 @@ def reading_budgets(problem: Problem, errors: Sequence[SharedError]) -> list[dic
     return found
 
 
-def _subjects(error: SharedError) -> list[tuple[str, str]]:
+def _subjects(error: SharedError) -> list[tuple[Kind, str]]:
     """What an error makes uncertain: kind and name."""
     if error.kind == "clock":
         return [("clock", "clock")]
@@ -47,25 +47,25 @@ def _groups(problem: Problem, errors: Sequence[SharedError]) -> list[list[str]]:
     return [names for mine, names in groups.items() if mine]
 
 
-def _budget(problem: Problem, kind: str, of: str, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool) -> dict[str, Any]:
+def _budget(problem: Problem, kind: Kind, of: str, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool) -> ReadingBudget:
     at, unit = _place(problem, errors, kind, of, names)
     reading = 0.0 if at is None else at
     sources = [dataclasses.replace(e.source, sensitivity=e.sensitivity(reading) if kind == "signal" else 1.0) for e in errors]
     budget = uncertainty_budget(sources, unit)
     rows = zip(budget.rows(K), errors, strict=True)
     degrees = budget.degrees_of_freedom
-    return {
-        "of": of,
-        "kind": kind,
-        "unit": unit,
-        "at": at,
-        "recordings": None if all_of_them else list(names),
-        "sources": [{**row, "acts": e.kind, "per_recording": e.per_recording} for row, e in rows],
-        "combined": budget.combined,
-        "expanded": budget.expanded(K),
-        "degrees_of_freedom": None if degrees > MANY else degrees,
-        "coverage_factor": budget.coverage_factor(),
-    }
+    return ReadingBudget(
+        of=of,
+        kind=kind,
+        unit=unit,
+        at=at,
+        recordings=None if all_of_them else list(names),
+        sources=[StatedError(**row, acts=e.kind, per_recording=e.per_recording) for row, e in rows],
+        combined=budget.combined,
+        expanded=budget.expanded(K),
+        degrees_of_freedom=None if degrees > MANY else degrees,
+        coverage_factor=budget.coverage_factor(),
+    )
 
 
 def _place(problem: Problem, errors: Sequence[SharedError], kind: str, of: str, names: Sequence[str]) -> tuple[float | None, str | None]:

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings.verdict import Sentence as Said
+
 Sentence = dict[str, Any]
 
 FEW = 3  # recordings, or parameters of one kind, that get a sentence each; more are grouped
@@ -14,7 +16,7 @@ _ORDER = ("good", "info", "warning", "bad")
 
 def say(level: str, sentence: str, **figures: float) -> Sentence:
     """One sentence of the verdict."""
-    return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}
+    return Said.model_validate({"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}).plain()
 
 
 def worst(levels: Iterable[str]) -> str:

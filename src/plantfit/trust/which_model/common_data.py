@@ -8,8 +8,11 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.errors import RecordingError
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 
+Place = tuple[str, str]
+"""Recording and output."""
 ROUNDING = 1e-9  # of the range of a signal: what a change of units may move
 
 
@@ -53,7 +56,7 @@ def shared_data(problems: Mapping[str, Problem]) -> Shared:
     return Shared(tuple(own.values()), recordings, factors)
 
 
-def series_of(problem: Problem) -> dict[tuple[str, str], Series]:
+def series_of(problem: Problem) -> dict[Place, Series]:
     """The series of one problem by recording and output."""
     found = {}
     for name, experiment in problem.experiments.items():
@@ -110,7 +113,7 @@ def _matched(first: str, base: Problem, name: str, problem: Problem) -> dict[str
     return found
 
 
-def _outputs_alike(base: Problem, a, b) -> bool:
+def _outputs_alike(base: Problem, a: Experiment, b: Experiment) -> bool:
     both = [o for o in base.outputs if o in a.recording.signals and o in b.recording.signals]
     return all(np.array_equal(np.isfinite(a.recording[o]), np.isfinite(b.recording[o])) for o in both) and all(
         np.corrcoef(np.nan_to_num(a.recording[o]), np.nan_to_num(b.recording[o]))[0, 1] > 0.999999
@@ -119,7 +122,10 @@ def _outputs_alike(base: Problem, a, b) -> bool:
     )
 
 
-def _same(first, own, name, other, recordings, factors) -> None:
+def _same(
+    first: str, own: Mapping[Place, Series], name: str, other: Mapping[Place, Series], recordings: Mapping[str, str],
+    factors: Mapping[str, tuple[float, float]],
+) -> None:  # fmt: skip
     for (recording, output), a in own.items():
         b = other[recordings[recording], output]
         where = f"recording {recording!r}"

@@ -38,7 +38,8 @@ def tables_section(recordings: Mapping[str, Recording], truth: Mapping[str, np.n
     local = linearise(problem, z)
     visits = table_visits(problem, local.values)
     rows = parameter_rows(problem.space, local, unvisited(visits))
-    tables = table_rows(problem, rows, visits)
+    tables = [t.plain() for t in table_rows(problem, rows, visits)]
+    smoothed = smoothing_rows(found[SMOOTHED][0], linearise(*found[SMOOTHED]))
     samples = np.array([v.samples for v in visits if v.table.name == "k"])
     statuses = {n: [t["status"] for t in tables if t["name"] == n] for n in TABLES}
     shown = {n: _grids(*found[n]) for n in (OWN, SMOOTHED, SURFACE)} | ({} if truth is None else {TRUTH: dict(truth)})
@@ -51,7 +52,7 @@ def tables_section(recordings: Mapping[str, Recording], truth: Mapping[str, np.n
             "asks for one sum, k u - A1 y' - A2 y'' = y: one number for three tables. What the records determine is how fast the pressure "
             "moves, (k u - y)/A1, and k where it comes to rest; the three apart rest on the straight lines between nodes.",
             *(s["sentence"] for s in table_sentences([r for r in rows if r["index"]], tables)),
-            *(s["sentence"] for s in smoothing_sentences(smoothing_rows(found[SMOOTHED][0], linearise(*found[SMOOTHED])))),
+            *(s["sentence"] for s in smoothing_sentences([t.plain() for t in smoothed])),
             *comparison.sentences,
             *([] if truth is None else [_apart(shown, truth, samples, openings)]),
         ],

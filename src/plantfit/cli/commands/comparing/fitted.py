@@ -50,14 +50,14 @@ def from_file(opened: "Store", name: str, study: Any) -> Fitted:
     from plantfit.study.running.probe import check_same, probe
 
     one = ready(study, None)
-    now = probe(one.objective, one.problem.space.physical)
+    now = probe(one.prepared.objective, one.prepared.to_physical)
     same = [r for r in reversed(opened.studies()) if r.spec_text == study.text]
     for record in sorted(same, key=lambda r: r.state != "done"):
         try:
             check_same(opened.probe(record.id), now, record.id)
         except StoreError:
             continue  # the recordings have changed
-        return Fitted(name, Ready(study, one.problem, one.objective, record.id, one.seconds), record.state == "done")
+        return Fitted(name, Ready(study, one.prepared, record.id), record.state == "done")
     return Fitted(name, one, False)
 
 
@@ -84,8 +84,8 @@ def answers_of(opened: "Store", chosen: Sequence[Fitted], workers: str | None, j
         if stopped and any(r.state != "done" for r in records):
             raise Interrupted("Stopped; what was found is saved, and the same command goes on from there.")
         numbers |= {m.name: n for m, n in zip(left, found, strict=True)}
-    made = {
-        m.name: answer_of(opened, opened.study(numbers[m.name] or 0), m.ready.study, {"prepare": m.ready.seconds}, m.ready.problem)
-        for m in chosen
-    }
+    made = {}
+    for m in chosen:
+        seconds = {"prepare": m.ready.prepared.seconds}
+        made[m.name] = answer_of(opened, opened.study(numbers[m.name] or 0), m.ready.study, seconds, m.ready.prepared)
     return made, numbers

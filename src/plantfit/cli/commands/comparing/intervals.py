@@ -56,10 +56,10 @@ def intervals(
 
     names = [n.strip() for n in only.split(",") if n.strip()] if only else []
     check_wishes(wanted, share, replicates, chains, draws)
-    normal_priors(one.ready.problem.space, priors)  # a slip is told before anything is fitted
-    unknown = [n for n in names if n not in one.ready.problem.space.names]
+    normal_priors(one.ready.prepared.problem.space, priors)  # a slip is told before anything is fitted
+    unknown = [n for n in names if n not in one.ready.prepared.problem.space.names]
     if unknown:
-        raise SpecError(f"There is no free parameter {unknown[0]!r}; there are {', '.join(one.ready.problem.space.names)}.")
+        raise SpecError(f"There is no free parameter {unknown[0]!r}; there are {', '.join(one.ready.prepared.problem.space.names)}.")
     answers, numbers = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         found = compare_intervals(

@@ -52,4 +52,4 @@ def _names(given: Sequence[str], files: Sequence[str]) -> dict[str, str]:
 def _same_data(chosen: Sequence[Fitted]) -> None:
     from plantfit.trust.which_model.common_data import shared_data
 
-    shared_data({m.name: m.ready.problem for m in chosen})
+    shared_data({m.name: m.ready.prepared.problem for m in chosen})

@@ -20,8 +20,8 @@ def compare_records(given: str, store: str, place: str | None, workers: str | No
     from plantfit.records_compared import compare_records as compared
     from plantfit.records_compared import one_recording
 
-    if len(one.ready.problem.data["drive"]) < 2:
-        raise RecordingError(one_recording(one.ready.problem))
+    if len(one.ready.prepared.problem.data["drive"]) < 2:
+        raise RecordingError(one_recording(one.ready.prepared.problem))
     answers, numbers = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         found = compared(answers[given], progress=say)

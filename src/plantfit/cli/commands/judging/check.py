@@ -40,7 +40,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     if study.errors:
         from plantfit.trust.stated_errors.reading_budgets import reading_budgets
 
-        record["uncertainty"] = reading_budgets(problem, study.errors)
+        record["uncertainty"] = [b.plain() for b in reading_budgets(problem, study.errors)]
     if verify:
         record["verify"] = _verify(problem, z, tolerance)
     if holds:
@@ -89,7 +89,7 @@ def _understood(study: Any, problem: Any) -> dict[str, Any]:
             c.name: {"bounds": [c.lower, c.upper], "unit": c.unit, "scale": "log" if c.log else "linear"} for c in problem.space.coordinates
         },
         "solved_for": [problem.space.names[i] for i in affine_by_structure(problem)] if problem.separable is None else [],
-        "weights": weight_rows(problem),
+        "weights": [w.plain() for w in weight_rows(problem)],
         "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
     }
 

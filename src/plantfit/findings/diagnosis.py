@@ -1,0 +1,92 @@
+"""What may be missing in the model: additions that were tried, and what they explain."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plantfit.findings.record import Number, Record, Values
+from plantfit.findings.verdict import Sentence
+
+
+class Tried(Record):
+    """One addition to the model, fitted: its `value` in `unit`, and the RMSE without and with it on fitted and on unseen samples."""
+
+    name: str
+    kind: str = ""
+    signal: str = ""
+    parameter: str = ""
+    unit: str | None = None
+    value: Number = None
+    standard_error: Number = None
+    explained: Number = None
+    """Share of the mean square that it takes away."""
+    evidence: Number = None
+    """To be compared with `needed` of the round."""
+    rmse: Number = None
+    rmse_with: Number = None
+    unseen_rmse: Number = None
+    unseen_rmse_with: Number = None
+
+
+class Round(Record):
+    """What was tried at once, beside what earlier rounds found."""
+
+    beside: list[str] = []
+    needed: Number = None
+    """Evidence from which on an addition is more than chance."""
+    found: list[str] = []
+    """One addition, or several that explain alike."""
+    likely: Literal["very likely", "likely", "possibly"] | None = None
+    untried: list[str] = []
+    whole: bool = True
+    """Whether everything that could be tried was."""
+    tried: list[Tried] = []
+
+
+class Outliers(Record):
+    """Samples far from their neighbours, which the diagnosis leaves out."""
+
+    counts: dict[str, list[int]] = {}
+    """By output: so many, of so many samples."""
+    share: Number = None
+    """Of the squares of the residual."""
+
+
+class ResidualChange(Record):
+    """Measured minus simulated, of the model as it is and with what was found."""
+
+    recording: str
+    output: str
+    unit: str | None = None
+    t: list[float]
+    before: Values
+    after: Values
+
+
+class Diagnosis(Record):
+    """Rounds of additions, what they say, and what to write into the study file."""
+
+    rounds: list[Round] = []
+    dropped: list[str] = []
+    """Found first, and explained by what was found later."""
+    outliers: Outliers | None = None
+    write: list[str] = []
+    """Lines of the study file."""
+    evaluations: Number = None
+    allowed: Number = None
+    """Evaluations that it might take; none where all was to be tried."""
+    with_: list[str] = Field([], alias="with")
+    """The additions of `residuals`."""
+    residuals: list[ResidualChange] = []
+    next: str = ""
+    """The command that fits the model with what was found."""
+    name: str = ""
+    """Of the problem."""
+    verdict: list[Sentence] = []
+    state: Literal["", "whole", "part", "stopped", "left"] = ""
+    """Everything was tried, a part of it, it was stopped, or left alone as it would take long."""
+
+    @property
+    def named(self) -> bool:
+        """Whether something missing was named."""
+        return any(r.found for r in self.rounds)

@@ -1,0 +1,100 @@
+"""Values of the parameters, their intervals, and what the data determine of them."""
+
+from typing import Literal
+
+from plantfit.findings.record import Number, Record
+from plantfit.findings.uncertainty import StatedUncertainty
+
+Status = Literal["determined", "weak", "flat", "at bound", "not visited", "fixed"]
+
+
+class Parameter(Record):
+    """One number, or one entry of a table, in `unit`; `low` and `high` are its 95 % interval."""
+
+    name: str
+    parameter: str = ""
+    """The parameter that an entry belongs to."""
+    recording: str | None = None
+    """The one recording that it holds for."""
+    index: list[int] = []
+    """The place of an entry in the table `parameter`; empty for a single number."""
+    unit: str | None = None
+    value: Number
+    standard_error: Number = None
+    low: Number = None
+    high: Number = None
+    open: Literal["lower", "upper", "both"] | None = None
+    """Ends that the data do not set: `low` and `high` are bounds of the search there."""
+    limits: list[Number] | None = None
+    """Physical ones, lower and upper; none where the bounds are the prior (tables, more than 60 coordinates)."""
+    lower_bound: Number = None
+    """Of the search, as `upper_bound`."""
+    upper_bound: Number = None
+    scale: Literal["linear", "log"] = "linear"
+    at_bound: Literal["lower", "upper"] | None = None
+    status: Status = "determined"
+    equal_answers: list[Number] | None = None
+    """From, to: over runs of the same cost, where these leave the interval."""
+    uncertainty: StatedUncertainty | None = None
+
+
+class StandardErrors(Record):
+    """How standard errors are made: with the correlation of the residuals in time (robust) or without (classical)."""
+
+    kind: Literal["robust", "classical"]
+    in_time: bool
+    """Whether samples follow one another in time."""
+
+
+class Combination(Record):
+    """A direction in which parameters can be moved together, with the standard deviation that is left along it."""
+
+    sentence: str
+    weights: dict[str, Number] = {}
+    relative_sd: Number = None
+
+
+class DeterminedCombination(Record):
+    """A product of powers or a weighted sum of parameters that the data fix, though not its parts."""
+
+    formula: str
+    weights: dict[str, Number] = {}
+    """Powers in a product, factors in a sum."""
+    product: bool
+    value: Number
+    low: Number = None
+    high: Number = None
+    standard_error: Number = None
+
+
+class KnownOther(Record):
+    """The parameter that has to be `known` (`at` its value, in `unit`) for another one to be determined, and that one's value then."""
+
+    known: str
+    unit: str | None = None
+    at: Number
+    value: Number
+    standard_error: Number = None
+
+
+class FirstValues(Record):
+    """The parameter whose interval grows most, and by which factor, because states begin at measured values with noise."""
+
+    parameter: str
+    factor: float
+
+
+class Determined(Record):
+    """How many numbers the data fix: parameters, and combinations of those that they leave open one by one."""
+
+    count: int
+    of: int
+    """Free parameters."""
+    sound: bool
+    """False where too few independent samples are left for intervals that hold."""
+    samples: Number = None
+    """How many independent ones the residuals are worth."""
+    first_values: FirstValues | None = None
+    combinations: list[DeterminedCombination] = []
+    only_if: dict[str, KnownOther] = {}
+    """By parameter."""

@@ -1,0 +1,29 @@
+"""Whether anything is left in the residuals: autocorrelation, and correlation with the inputs."""
+
+from plantfit.findings.record import Number, Record, Values
+
+
+class Cross(Record):
+    """Correlation of the residual with one input, within `bound` for 95 % of the lags where there is none."""
+
+    lags_s: Values
+    values: Values
+    bound: Number = None
+    independent: bool
+
+
+class ResidualTest(Record):
+    """Tests of the residual of one output on the fitted samples of one recording."""
+
+    recording: str
+    output: str
+    lags_s: Values
+    autocorrelation: Values
+    bound: Number = None
+    white: bool
+    """Whether the Ljung-Box test keeps white noise at 1 %."""
+    p_value: Number = None
+    shared: str | None = None
+    """The signal whose errors come back in this output."""
+    cross: dict[str, Cross] = {}
+    """By input."""

@@ -1,0 +1,90 @@
+"""The runs of the search, where they ended, and whether they agree."""
+
+from typing import Any
+
+from pydantic import model_validator
+
+from plantfit.findings.record import Number, Record, Values
+
+
+class History(Record):
+    """The best cost after so many evaluations."""
+
+    evaluations: Values = []
+    cost: Values = []
+
+    @model_validator(mode="after")
+    def _lengths_agree(self) -> "History":
+        if len(self.evaluations) != len(self.cost):
+            raise ValueError(f"history has {len(self.evaluations)} evaluations but {len(self.cost)} costs")
+        return self
+
+
+class Run(Record):
+    """One seeded run, brought to its end on the final problem."""
+
+    method: str
+    run: int
+    seed: int | None = None
+    cost: Number = None
+    rmse: Number = None
+    """In the unit of one output; of several in their scales."""
+    status: str = ""
+    ended: str = ""
+    """How the local search on the final problem ended."""
+    evaluations: Number = None
+    seconds: Number = None
+    failures: int = 0
+    """Evaluations that could not be simulated."""
+    parameters: dict[str, Number] = {}
+    searched: dict[str, Number] = {}
+    """The parameters that the search ended with, where they were moved since."""
+    history: History = History()
+    extra: dict[str, Any] = {}
+    """What the method and the stages after it say of this run alone."""
+
+
+class Basin(Record):
+    """Runs that ended at one place."""
+
+    cost: Number = None
+    runs: int
+    share: Number = None
+    parameters: dict[str, Number] = {}
+
+
+class DistinctAnswer(Record):
+    """An answer of the lowest cost that is not the same model as the others."""
+
+    runs: int
+    parameters: dict[str, Number] = {}
+
+
+class SameModel(Record):
+    """A map between answers that are one model: parameter `name` takes the value of `source[name]`, times its `sign`."""
+
+    sentence: str
+    source: dict[str, str] = {}
+    sign: list[int] = []
+
+
+class Agreement(Record):
+    """Runs whose own search, run to its end on the final problem, reaches the lowest cost."""
+
+    runs: int
+    agree: int
+    cost: Number = None
+    spent: int = 0
+    """Cut by their budget; of these so many were searched on, and so many reached the lowest cost:"""
+    spent_and_searched: int = 0
+    spent_and_agree: int = 0
+    cut: int = 0
+    """In the local search on the final problem."""
+    left: int = 0
+    """Where their search had ended."""
+    ended: str = ""
+    """How the reported answer did."""
+    ranges: dict[str, list[float]] = {}
+    """Of each parameter over runs of the lowest cost, exchanged terms aside: from, to."""
+    answers: list[DistinctAnswer] = []
+    symmetries: list[SameModel] = []

@@ -1,0 +1,41 @@
+"""How exact the simulation of the answer is, and what makes the same answer again."""
+
+from typing import Any
+
+from plantfit.findings.record import Number, Record
+
+
+class SimulatedOutput(Record):
+    """Errors of the simulation of one output against a tight solver, beside its residual."""
+
+    unit: str | None = None
+    max_error: Number = None
+    rms_error: Number = None
+    rms_residual: Number = None
+
+
+class Simulation(Record):
+    """The stepper, and its check on the recording where it is least exact."""
+
+    stepper: str = ""
+    substeps: Any = None
+    recording: str = ""
+    checked_with: str = ""
+    checked_samples: int | None = None
+    samples: int | None = None
+    outputs: dict[str, SimulatedOutput] = {}
+    refused: str = ""
+    """Why an independent solver could not follow the answer."""
+
+
+class Reproduction(Record):
+    """What makes the same answer again."""
+
+    spec: str | None = None
+    """The study file."""
+    seed: int | None = None
+    versions: dict[str, str] = {}
+    cpu: str = ""
+    seconds: dict[str, Number] = {}
+    """By stage: prepare, search, finish, trust, diagnosis."""
+    command: str = ""

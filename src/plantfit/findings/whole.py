@@ -1,0 +1,76 @@
+"""The findings of an answer: the one definition from which JSON, schema, checks and the page of the docs are made."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError, field_validator
+
+from plantfit.errors import PlantfitError
+from plantfit.findings.diagnosis import Diagnosis
+from plantfit.findings.parameters import Combination, Determined, Parameter, StandardErrors
+from plantfit.findings.record import READ, Record
+from plantfit.findings.recordings import Recording, Score, Weight
+from plantfit.findings.residuals import ResidualTest
+from plantfit.findings.runs import Agreement, Basin, Run
+from plantfit.findings.simulation import Reproduction, Simulation
+from plantfit.findings.tables import OperatingTable, SmoothedTable
+from plantfit.findings.uncertainty import Uncertainty
+from plantfit.findings.verdict import Sentence
+from plantfit.recording.looks.look import Look
+
+VERSION = 1
+
+
+class Findings(Record):
+    """What `plantfit.trust.assess` finds of an answer: `plain()` is `answer.findings`, and `plantfit run --json` without the samples."""
+
+    schema_version: int = VERSION
+    """Of these records; another one where keys change their meaning or go."""
+    name: str
+    recordings: list[Recording] = []
+    scores: list[Score] = []
+    residual_tests: list[ResidualTest] = []
+    data: list[Look] = []
+    """What is odd about the recordings."""
+    diagnosis: Diagnosis | None = None
+    """None where none was made."""
+    parameters: list[Parameter] = []
+    uncertainty: Uncertainty | None = None
+    """None where no errors were stated."""
+    standard_errors: StandardErrors | None = None
+    tables: list[OperatingTable] = []
+    smoothing: list[SmoothedTable] = []
+    combinations: list[Combination] = []
+    determined: Determined | None = None
+    """None where the problem is not linearised: tables, many coordinates."""
+    runs: list[Run] = []
+    basins: list[Basin] = []
+    agreement: Agreement | None = None
+    weights: list[Weight] = []
+    simulation: Simulation | None = None
+    reproduction: Reproduction | None = None
+    verdict: list[Sentence] = []
+
+    @field_validator("schema_version")
+    @classmethod
+    def _not_newer(cls, version: int) -> int:
+        if version > VERSION:
+            raise ValueError(f"it was written by a newer plantfit, in version {version} of the record; this one reads up to {VERSION}")
+        return version
+
+
+def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
+    """The plain record as `Findings`; PlantfitError names the first place that does not fit."""
+    try:
+        return Findings.model_validate(findings, context=READ)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(step) for step in first["loc"]) or "its top level"
+        raise PlantfitError(
+            f"The findings record is wrong at {place} ({first['msg'].removeprefix('Value error, ')}); make it with plantfit.trust.assess."
+        ) from None
+
+
+def findings_schema() -> dict[str, Any]:
+    """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where the page is."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Findings.model_json_schema()}

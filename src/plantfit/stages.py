@@ -1,0 +1,98 @@
+"""The stages from a problem to its answer, the one way of `fit`, commands, stored studies and workers.
+
+    prepare   the step of the simulation, starts by multiple shooting, and what a search sees
+    search    seeded runs: in this process, or `begin` them in a store, in which any process works on them
+    finish    scales, steps fine enough, and every run led to its end on that final problem
+    judge     findings, when they are asked for
+
+`judged` takes runs, however they were searched, through the last two.
+"""
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.answer import Answer
+from plantfit.errors import StoreError
+from plantfit.optimize.contract import Objective, RunResult
+from plantfit.problem.accuracy.steps import choose_substeps
+from plantfit.problem.problem import Problem
+from plantfit.problem.shooting.start import Shooting
+from plantfit.study.objective import objective_of
+from plantfit.study.plan import Plan
+from plantfit.study.running import runner
+from plantfit.study.running.task_worker import ToPhysical
+from plantfit.study.store.addresses import shown
+from plantfit.study.store.store import Store
+from plantfit.trust.finish.final_problem import finish
+from plantfit.trust.stated_errors.shared_error import SharedError
+
+Stated = tuple[Sequence[SharedError], int | None]
+"""Errors of instruments, and the refits that carry them to the parameters (None: to first order)."""
+_OF_RUN = tuple(f.name for f in dataclasses.fields(RunResult))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A problem with its steps chosen, what a search sees of it, and how long that took."""
+
+    problem: Problem
+    objective: Objective
+    seconds: float
+
+    @property
+    def to_physical(self) -> ToPhysical:
+        """Cube points (d,) or (n, d) in declared units."""
+        return self.problem.space.physical
+
+
+def prepare(problem: Problem, *, shooting: int | None = None, seed: int = 0, start: np.ndarray | None = None) -> Prepared:
+    """The same for the same arguments in any process, so that workers and resumed studies repeat it.
+
+    A search begins at the cube points `start` (k, d), else where multiple shooting with so many segments a record ends, else at the
+    guesses of the space.
+    """
+    began = time.perf_counter()
+    chosen = choose_substeps(problem)
+    if start is None and shooting is not None:
+        start = Shooting.of(chosen, segments=shooting).search(seed=seed).z[None, :]
+    return Prepared(chosen, objective_of(chosen, start), time.perf_counter() - began)
+
+
+def begin(prepared: Prepared, plan: Plan, store: Store, text: str | None = None, path: Path | None = None) -> int:
+    """Put a study into a store, with the `text` and the `path` of its study file if it has one; its number."""
+    return runner.begin(
+        plan, prepared.objective, store, spec_text=text, spec_path=None if path is None else str(path.resolve()),
+        coordinates=prepared.problem.space.names, to_physical=prepared.to_physical,
+    )  # fmt: skip
+
+
+def stored_runs(store: Store, number: int) -> list[RunResult]:
+    """The finished runs of a stored study, as the searches gave them. Raises StoreError where there is none."""
+    found = [RunResult(**{f: getattr(r, f) for f in _OF_RUN}) for r in store.runs(number)]
+    if not found:
+        raise StoreError(f"Study {number} in {shown(store.name)} has no finished run yet; go on with `plantfit resume {number}`.")
+    return found
+
+
+def stated_in_file(problem: Problem, errors: Sequence[SharedError] | None, draws: int | None) -> Stated:
+    """The errors of instruments and the refits for them: as given, else as the study file of the problem states them."""
+    file = problem.study_file
+    if file is None or errors is not None:
+        return errors or (), draws
+    return file.errors, file.draws if draws is None else draws
+
+
+def judged(
+    problem: Problem, runs: Sequence[RunResult], *, seed: int, spec: str | None, command: str, seconds: Mapping[str, float], stated: Stated
+) -> Answer:
+    """The answer of searched runs of a prepared problem; `seconds` by the stages before."""
+    began = time.perf_counter()
+    final, results = finish(problem, runs)
+    spent = {**seconds, "finish": time.perf_counter() - began}
+    return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
