@@ -190,7 +190,7 @@ def _source(made: Tableau, placed: Placed, flow: str, difference: Terms, symbol:
 
 def _parameter(placed: Placed) -> dict[str, Any]:
     part = placed.part
-    entry: dict[str, Any] = {"unit": placed.unit, "sentence": f"{part.what} of {placed.name}" if " of " not in part.what else part.what}
+    entry: dict[str, Any] = {"unit": placed.unit, "sentence": f"{part.what}{',' if ' of ' in part.what else ' of'} {placed.name}"}
     if placed.value is not None:
         return {**entry, "value": placed.value}
     return {**entry, "bounds": placed.bounds or part.bounds, "scale": part.scale}
