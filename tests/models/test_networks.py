@@ -211,6 +211,18 @@ def test_what_moves_nothing_that_is_measured_is_left_out_and_named():
     assert set(made.parameters) == {"R1", "C"}
 
 
+def test_states_start_where_they_are_measured_or_said():
+    text = "P heater p by u\nC1 heat_capacity p\nR1 heat_resistance p s\nC2 heat_capacity s\nR2 heat_resistance p r\nT0 surroundings r\n"
+    made = network(text + "measure T(s)")
+    assert {s: e["initial"] for s, e in made.states.items()} == {"T_C1": "T_C1_start", "T_C2": "T_s"}
+    assert made.parameters["T_C1_start"]["unit"] == "degC"
+    made = network(text + "measure T(s)\nstart T(p) = T0, T(s) = 293.15 K")
+    assert made.states["T_C1"]["initial"] == "T0"
+    assert made.states["T_C2"]["initial"] == pytest.approx(20)
+    assert "T_C1_start" not in made.parameters
+    made.model()
+
+
 def test_values_bounds_and_units_behind_the_nodes():
     made = network("u source a 0\nR resistor a b 4.7 kohm\nC capacitor b 0  1..10 uF\nR2 resistor b 0\nmeasure v(b) as y")
     assert made.parameters["R"]["value"] == pytest.approx(4700)
@@ -258,6 +270,9 @@ MISTAKES = {  # what is written, and what is said of it
     "u source a 0 5 V": ["u is an input", "delete '5 V'"],
     "C heat_capacity p\nR heat_resistance p 0\nmeasure T(p)": ["line 2", "node 0, which would be 0 degC", "surroundings room"],
     "M torque a\nJ inertia a\nG gear a 0\nmeasure w(a)": ["drives node 0"],
+    GOOD + "measure v(b)\nstart v(b) = 2 A": ["line 5", "a start in V is needed, or one of u"],
+    GOOD + "measure v(b)\nstart v(a) = 2 V": ["line 5", "v_a is no state", "states are v_C"],
+    GOOD + "measure v(b)\nstart v(b)": ["line 5", "says no start"],
     "P pump 0 t by u [blah]\nA tank t\nmeasure h(t)": ["'blah' is not a unit"],
 }
 

@@ -4,6 +4,7 @@ R1 resistor a b                 name, kind, nodes
 C1 capacitor b 0  1..100 uF     within these bounds; `4.7 uF` would hold it
 u source a 0                    the input u
 measure v(b), i(R1) as current
+start v(b) = 2 V                a value, or the name of a source; else what is measured, or zero
 """
 
 import math
@@ -21,6 +22,7 @@ RESERVED = ("t", "e", "pi", "delay", "gravity", "small_level", "slow_slip", "slo
 _NUMBER = r"[-+]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][-+]?\d+)?"  # "1..10" are two
 _SIZE = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>.*)")
 _BY = re.compile(r"by\s+(?P<name>\w+)\s*(?:\[(?P<unit>[^\]]*)\])?")
+_START = re.compile(r"(?P<what>\w+)\s*\(\s*(?P<of>\w+)\s*\)\s*=\s*(?P<value>\S.*)")
 _MEASURE = re.compile(r"(?P<what>\w+)\s*\(\s*(?P<of>\w+)\s*\)(?:\s+as\s+(?P<name>\w+))?")
 
 
@@ -73,13 +75,17 @@ class Measured:
 
 @dataclass(frozen=True)
 class Netlist:
-    """Parts by name, measured quantities, the domain of every node; `wrong` makes an error that shows the line."""
+    """Parts by name, measured quantities, the domain of every node; `starts` are quantities with their value, or a source's name.
+
+    `wrong` makes an error that shows the line.
+    """
 
     source: str
     text: str
     parts: dict[str, Placed]
     measured: tuple[Measured, ...]
     domains: dict[str, Domain]
+    starts: tuple[tuple[Measured, float | str], ...] = ()
 
     def wrong(self, message: str, line: int, word: str = "") -> EquationError:
         column = self.text.split("\n")[line].find(word)
@@ -92,7 +98,7 @@ def read(text: str, source: str = "the network") -> Netlist:
     domains: dict[str, Domain] = {}
     waiting: list[list[Word]] = []
     for words in _lines(text):
-        if words[0].text == "measure":
+        if words[0].text in ("measure", "start"):
             waiting.append(words)
             continue
         placed = _placed(text, source, words, parts)
@@ -109,7 +115,7 @@ def read(text: str, source: str = "the network") -> Netlist:
     if both is not None:
         raise _wrong(source, text, f"{both.name!r} is a part and a node; give one of them another name", _at(text, both.line, both.name))
     netlist = Netlist(source, text, parts, (), domains)
-    measured = tuple(m for words in waiting for m in _measured(netlist, words))
+    measured = tuple(m for words in waiting if words[0].text == "measure" for m in _measured(netlist, words))
     if not measured:
         example = f"{next(iter(domains.values())).across.letter}({next(iter(domains))})"
         raise EquationError(f"{source}: nothing is measured; add a line as in: measure {example}.")
@@ -117,7 +123,8 @@ def read(text: str, source: str = "the network") -> Netlist:
     twice = next((m for m in measured if names.count(m.name) > 1), None)
     if twice is not None:
         raise netlist.wrong(f"{twice.name!r} is measured twice; name one of them with `as`", twice.line, twice.name)
-    return Netlist(source, text, parts, measured, domains)
+    starts = tuple(s for words in waiting if words[0].text == "start" for s in _starts(netlist, words))
+    return Netlist(source, text, parts, measured, domains, starts)
 
 
 def _lines(text: str) -> Iterator[list[Word]]:
@@ -244,16 +251,43 @@ def _example(part: Part, unit: str) -> str:
     return f"{math.sqrt(low * high) if low > 0 else (low + high) / 2:.1g}{'' if unit == '1' else f' {unit}'}"
 
 
-def _measured(netlist: Netlist, words: list[Word]) -> Iterator[Measured]:
+def _pieces(netlist: Netlist, words: list[Word]) -> Iterator[Word]:
+    """What stands between commas behind the first word of a line."""
     line = netlist.text.split("\n")[words[0].line].partition("#")[0]
-    begin = words[0].column + len("measure")
+    begin = words[0].column + len(words[0].text)
     for piece in re.finditer(r"[^,]+", line[begin:]):
-        said = piece.group().strip()
-        place = Word(said, words[0].line, begin + piece.start() + len(piece.group()) - len(piece.group().lstrip()))
-        found = _MEASURE.fullmatch(said)
-        if not said or found is None:
-            raise _wrong(netlist.source, netlist.text, f"{said!r} says nothing to measure; write for example: measure v(b) as y", place)
+        blank = len(piece.group()) - len(piece.group().lstrip())
+        yield Word(piece.group().strip(), words[0].line, begin + piece.start() + blank)
+
+
+def _measured(netlist: Netlist, words: list[Word]) -> Iterator[Measured]:
+    for place in _pieces(netlist, words):
+        found = _MEASURE.fullmatch(place.text)
+        if found is None:
+            message = f"{place.text!r} says nothing to measure; write for example: measure v(b) as y"
+            raise _wrong(netlist.source, netlist.text, message, place)
         yield _quantity(netlist, found["what"], found["of"], found["name"], place)
+
+
+def _starts(netlist: Netlist, words: list[Word]) -> Iterator[tuple[Measured, float | str]]:
+    for place in _pieces(netlist, words):
+        found = _START.fullmatch(place.text)
+        if found is None:
+            message = f"{place.text!r} says no start; write for example: start v(b) = 2 V, or the name of a source in place of 2 V"
+            raise _wrong(netlist.source, netlist.text, message, place)
+        quantity = _quantity(netlist, found["what"], found["of"], None, place)
+        value = found["value"].strip()
+        part = netlist.parts.get(value)
+        if part is not None and part.part.given in ("input", "parameter") and units.compatible(part.unit, quantity.unit):
+            yield quantity, value
+            continue
+        try:
+            yield quantity, units.convert(*units.quantity(value), quantity.unit)
+        except UnitError as error:
+            sources = [p.name for p in netlist.parts.values() if p.part.given in ("input", "parameter")]
+            or_one = f", or one of {', '.join(sources)}" if sources else ""
+            message = f"{str(error).rstrip('.')}; a start in {quantity.unit} is needed{or_one}"
+            raise _wrong(netlist.source, netlist.text, message, place) from None
 
 
 def _quantity(netlist: Netlist, what: str, of: str, name: str | None, place: Word) -> Measured:

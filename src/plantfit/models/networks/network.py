@@ -117,7 +117,8 @@ class _Explicit:
         rates = {s.name: self._rate(s) for s in made.states.values()}
         outputs = {m.name: (m, self._replaced({self._variable(m): ONE})) for m in netlist.measured}
         self._check_names(outputs)
-        used = self._needed([{*terms} for _, terms in outputs.values()], {n: names for n, (_, names) in rates.items()})
+        given = {v for _, v in netlist.starts if isinstance(v, str)}
+        used = self._needed([given, *({*terms} for _, terms in outputs.values())], {n: names for n, (_, names) in rates.items()})
         idle = next((i for i in made.inputs if i not in used), None)
         if idle is not None:
             raise EquationError(f"{netlist.source}: the input {idle} moves nothing that is measured; measure something that it drives.")
@@ -137,13 +138,30 @@ class _Explicit:
     def _states(self, outputs: dict[str, Terms], used: set[str]) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
         """States with their initial values: what is measured begins there, the rest at zero or at a value that is searched for."""
         states, starts = {}, {}
+        given = self._given()
         for s in (s for s in self.made.states.values() if s.name in used):
-            initial: float | str = next((name for name, terms in outputs.items() if terms == {s.name: ONE}), 0.0)
-            if initial == 0.0 and s.start is not None:
+            initial: float | str | None = given.get(s.name, next((name for name, terms in outputs.items() if terms == {s.name: ONE}), None))
+            if initial is None and s.start is None:
+                initial = 0.0
+            elif initial is None:
                 initial = f"{s.name}_start"
                 starts[initial] = {"unit": s.unit, "sentence": f"{s.sentence} at the start", "bounds": s.start, "scale": "linear"}
             states[s.name] = {"unit": s.unit, "initial": initial}
         return states, starts
+
+    def _given(self) -> dict[str, float | str]:
+        """What the lines `start` say of states."""
+        found: dict[str, float | str] = {}
+        for quantity, value in self.netlist.starts:
+            terms = self._replaced({self._variable(quantity): ONE})
+            name = next(iter(terms), "")
+            if len(terms) != 1 or name not in self.made.states or not terms[name].is_one:
+                states = ", ".join(self.made.states) or "none"
+                raise self.netlist.wrong(
+                    f"{quantity.name} is no state, so that it has no start of its own; states are {states}", quantity.line, "start"
+                )
+            found[name] = value
+        return found
 
     def _check_names(self, outputs: "dict[str, tuple[Measured, Terms]]") -> None:
         """Names that equations make must not be those of parts and inputs, nor `as` a name that equations make of something else."""
