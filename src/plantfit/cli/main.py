@@ -106,6 +106,30 @@ def init(
 
 
 @app.command()
+def new(
+    name: Annotated[str | None, typer.Argument(help="A list of parts, NAME.net; or with --from the name of the study.")] = None,
+    from_: Annotated[str | None, typer.Option("--from", help="A plant to begin with; --list names them.")] = None,
+    recording: Annotated[
+        str | None, typer.Option("--recording", help="Its file of measurements, whose columns are found by name and unit.")
+    ] = None,
+    columns: Annotated[
+        list[str] | None, typer.Option("--column", help="SIGNAL=COLUMN, where they are not found so; once for each.")
+    ] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml if left out.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Name the plants to begin with and stop.")] = False,
+    parts: Annotated[bool, typer.Option("--parts", help="Name the parts that a list may have and stop.")] = False,
+    json: Json = False,
+) -> None:
+    """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the library."""
+    from plantfit.cli.commands.before import new as command
+
+    if parts or list_:
+        return command.tell_parts(json) if parts else command.tell_plants(json)
+    command.new(name, from_, recording, columns or [], out, force, json)
+
+
+@app.command()
 def look(
     file: Annotated[str, typer.Argument(help="A study file (TOML), or a file of measurements.")],
     input_: Annotated[

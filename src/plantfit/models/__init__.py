@@ -4,6 +4,7 @@ models.names()                       ("dc_motor", "drive", ...)
 models.listing()                     a record of each: name, sentence, source, options
 models.describe("dc_motor")          the same of one with its signals and parameters, as text; also of a model
 models.make("dc_motor", tied=True)   a model
+models.network(text).model()         a model of parts: resistors, springs, tanks, motors, ...
 """
 
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from plantfit.models.library.steam_chamber import steam_chamber
     from plantfit.models.library.tabled_process import tabled_first_order
     from plantfit.models.model import Declared, Delay, Model
+    from plantfit.models.networks.network import network
     from plantfit.models.parts.friction import coulomb, lugre, stribeck, viscous
     from plantfit.models.parts.smooth import quantize, smooth_abs, smooth_deadzone, smooth_sat
     from plantfit.models.parts.switching import Backlash, Event, Friction, StateDelay
@@ -54,6 +56,7 @@ __all__ = [
     "models",
     "motor_torque",
     "names",
+    "network",
     "pendubot",
     "pendubot_regression",
     "quantize",
@@ -79,6 +82,7 @@ names_of(
         "library.hammerstein_wiener": "hammerstein_wiener",
         "library.catalogue": "listing make models names",
         "model": "Declared Delay Model",
+        "networks.network": "network",
         "library.pendubot": "motor_torque pendubot pendubot_regression",
         "library.process": "first_order second_order",
         "library.regression": "LinearModel",

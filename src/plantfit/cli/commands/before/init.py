@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, quoted, study_text
+from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import ClockError, PlantfitError, RecordingError, SpecError
 
@@ -64,7 +64,7 @@ def init(
     links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
     told = [f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)]
-    clock = _clock(found)
+    clock = clock_line(found)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
@@ -72,7 +72,7 @@ def init(
             return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
                               period * max(found.rows - 1, 1))  # fmt: skip
 
-        clock = _clock_that_reads(text, clock, to, quiet=json)
+        clock = clock_that_reads(text, clock, to, quiet=json)
         to.write_text(text(clock), encoding="utf-8")
     if candidates:
         return _compared(list(targets.values()), json)
@@ -96,7 +96,7 @@ def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[st
 
     period = found.period or 1.0
     made = motor_study(
-        source.name, os.path.relpath(source, target.parent), target.name, name, _clock(found), found.columns, wanted, period,
+        source.name, os.path.relpath(source, target.parent), target.name, name, clock_line(found), found.columns, wanted, period,
         period * max(found.rows - 1, 1),
     )  # fmt: skip
     _checked(made.text, target)
@@ -109,16 +109,6 @@ def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[st
     for line in made.told:
         out.print(line, markup=False)
     out.print(f"Written: {target}\nNext: plantfit check {target}", markup=False)
-
-
-def _clock(found: "Description") -> str:
-    """The line of the time in a study file."""
-    if found.time is not None:
-        return f"time = {quoted(found.time)}"
-    return f"period = {found.period or 1.0:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
-
-
-_NO_TIME = " # seconds between rows: no time column was found, put yours"
 
 
 def _tell(source: str, found: "Description", roles: "Roles") -> None:
@@ -231,7 +221,7 @@ def _symbol(name: str, spare: str) -> str:
     return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 
-def _clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:
+def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:
     """The line of the clock, with what treats times that go back or stand twice: the file must read back and give a problem."""
     from plantfit import spec
 
@@ -256,7 +246,7 @@ def _clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quie
 
 def _checked(text: str, target: Path) -> None:
     """The file must read back and give a problem before it is written."""
-    _clock_that_reads(lambda clock: text, "", target, quiet=True)
+    clock_that_reads(lambda clock: text, "", target, quiet=True)
 
 
 def _compared(files: list[Path], json: bool) -> None:

@@ -3,7 +3,10 @@
 import json as encoder
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from plantfit.recording.description import Description
 
 Kind = Literal["first", "dead_time", "second"]
 WORDS: dict[Kind, str] = {
@@ -111,6 +114,16 @@ def study_text(
 def quoted(text: str) -> str:
     """A text as TOML has it."""
     return encoder.dumps(text, ensure_ascii=False)
+
+
+def clock_line(found: "Description") -> str:
+    """The line of the time in a study file."""
+    if found.time is not None:
+        return f"time = {quoted(found.time)}"
+    return f"period = {found.period or 1.0:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
+
+
+_NO_TIME = " # seconds between rows: no time column was found, put yours"
 
 
 class _Plant:
