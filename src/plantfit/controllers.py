@@ -11,12 +11,13 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.answer import Answer
-from plantfit.control.pid import Gains
+from plantfit.control.pid import Gains, gain_units
+from plantfit.control.tune.loop_design import MOST_SAMPLES, LoopDesign, course_seconds, tuned_loop
 from plantfit.control.tune.one_loop import OneLoop
-from plantfit.control.tune.pid_design import MOST_SAMPLES, PidDesign, Wishes, course_seconds, tuned_pid
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
 from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.told import curves, table, verdict
+from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import ModelError, SimulationError, SpecError
 from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable, validated
@@ -33,14 +34,14 @@ LOADS = (0.1, 0.05, 0.02)  # of the input's range
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A tuned PID: `gains` in parallel form, `design` with all that it was judged by, `proposed` what was not asked for and where it is
-    from.
+    """A tuned controller: `parameters` of it (`Gains` of a PID, `Servo` of an LQI), `design` with all that it was judged by, `proposed`
+    what was not asked for and where it is from.
 
     `record` is plain data for JSON; `verdict` its sentences.
     """
 
     answer: Answer
-    design: PidDesign
+    design: LoopDesign
     drawn: Plausible
     proposed: Mapping[str, str]
     output: str
@@ -48,8 +49,13 @@ class Controller:
 
     @property
     def gains(self) -> Gains:
-        """Of the PID tuned on all plants; parallel form, in the study's units."""
+        """Of the PID tuned on all plants; parallel form, in the study's units. Raises SimulationError for another form."""
         return self.design.best.gains
+
+    @property
+    def parameters(self) -> Any:
+        """Of the controller tuned on all plants, in the study's units: `Gains` or `Servo`."""
+        return self.design.best.parameters
 
     @property
     def verdict(self) -> list[dict[str, str]]:
@@ -70,6 +76,8 @@ class Controller:
         _, lag, dead = d.reduced.first_order
         return {
             "name": self.answer.problem.name,
+            "form": d.best.form.name,
+            "units": gain_units(model.outputs[self.output], model.inputs[self.input]),
             "output": {"name": self.output, "unit": model.outputs[self.output]},
             "input": {"name": self.input, "unit": model.inputs[self.input]},
             "others": dict(d.family.others),
@@ -93,29 +101,30 @@ class Controller:
         return curves(self.design)
 
     def to_c(self, folder: str | Path, name: str | None = None, number: str = "double", **more: Any) -> "CFiles":
-        """The controller as NAME.h and NAME.c (`control.pid_to_c`)."""
-        from plantfit.control.c_export import pid_to_c
+        """The controller as NAME.h and NAME.c (`control.c_export`: pid_to_c, servo_to_c)."""
+        from plantfit.control.c_export import pid_to_c, servo_to_c
 
-        w, model = self.design.wishes, self.design.family.model
+        w, model, best = self.design.wishes, self.design.family.model, self.design.best
         told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
         first = self.verdict[0]["sentence"]
-        return pid_to_c(
-            self.gains, folder, period=w.period, lower=w.lower, upper=w.upper, anti_windup=w.anti_windup, number=number,
-            tracking_time=self.design.tracking_time, name=name or c_name(self.answer.problem.name),
+        export: Callable[..., Any] = pid_to_c if isinstance(best.parameters, Gains) else servo_to_c
+        return export(
+            best.parameters, folder, period=w.period, lower=w.lower, upper=w.upper, anti_windup=w.anti_windup, number=number,
+            tracking_time=self.design.tracking_time, name=name or c_name(self.answer.problem.name, best.form.name),
             units={k: v for k, v in told.items() if v}, note=f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
         )  # fmt: skip
 
     def __repr__(self) -> str:
-        g = self.gains
-        gains = f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s, b {g.b:.3g}, filter {g.filter_time:.3g} s"
-        head = f"PID of {self.output} by {self.input}: {gains}"
+        from plantfit.report.pages.controller import settings
+
+        head = f"{self.design.best.form.name} of {self.output} by {self.input}: {settings(self.record)}"
         return "\n".join([head, *(f"  {v['level']}: {v['sentence']}" for v in self.verdict)])
 
 
-def c_name(name: str) -> str:
-    """A study's name as a name of C."""
+def c_name(name: str, form: str) -> str:
+    """A study's name as a name of C, with that of the controller."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "controller"
-    return f"{word if word[0].isalpha() else f'c_{word}'}_pid"
+    return f"{word if word[0].isalpha() else f'c_{word}'}_{'lqi' if form == 'LQI' else 'pid'}"
 
 
 def tune(
@@ -127,10 +136,10 @@ def tune(
     control: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Controller:
-    """A PID for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
+    """A PID or LQI for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
 
     `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units or texts with a
-    unit, such as set_point="60 degC", output="T1", controller="pi", plants=500. They count before `control`, the table itself, by
+    unit, such as set_point="60 degC", output="T1", controller="lqi", plants=500. They count before `control`, the table itself, by
     default that of the answer's study file; what both leave out is proposed. Raises SimulationError for a plant that cannot be tuned so,
     SpecError and UnitError for wishes.
     """
@@ -146,7 +155,7 @@ def tune(
     proposed: dict[str, str] = {}
     final = _wishes(answer, loop, chosen, recording, proposed)
     train, fresh = np.arange(0, TRAIN + 1), np.r_[0, np.arange(TRAIN + 1, TRAIN + count)]
-    design = tuned_pid(loop.part(train), loop.part(fresh), final, budget=budget, seed=seed, progress=progress)
+    design = tuned_loop(loop.part(train), loop.part(fresh), final, budget=budget, seed=seed, progress=progress)
     judged = replace(drawn, values=drawn.values[fresh][design.rows_used])
     return Controller(answer, design, judged, proposed, output, input_)
 

@@ -287,6 +287,15 @@ def per_second(unit: str) -> str:
     return "1/s" if unit.strip() in DIMENSIONLESS else f"{unit}/s"
 
 
+def quotient(above: str, below: str) -> str:
+    """The unit of one quantity per another, as text: "V/(rad/s)", "1/K", "%" where `below` is dimensionless."""
+    up, down = ("" if unit.strip() in DIMENSIONLESS else unit.strip() for unit in (above, below))
+    if not down:
+        return up or "1"
+    up, down = (f"({unit})" if re.search(signs, unit) else unit for unit, signs in ((up, r"/"), (down, r"[/* ]")))
+    return f"{up or '1'}/{down}"
+
+
 def _has_offset(unit: "pint.Unit") -> bool:
     return any(not registry()._units[name].is_multiplicative for name in unit._units if name in registry()._units)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.tune import OneLoop, Wishes, tuned_pid
+from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.loop_design import BEST_FIT, judged_on
 from plantfit.control.tune.loop_scores import Judge
-from plantfit.control.tune.pid_design import BEST_FIT, judged_on
 from plantfit.control.tune.proposals import noise_of, quantum_of
 from plantfit.control.tune.told import verdict
 from plantfit.errors import SimulationError
@@ -32,7 +32,7 @@ def family(n, seed, sign=1.0, spread=1.0):
 
 @pytest.fixture(scope="module")
 def design():
-    return tuned_pid(family(60, 1), family(150, 2), WISHES, budget=200, seed=3)
+    return tuned_loop(family(60, 1), family(150, 2), WISHES, budget=200, seed=3)
 
 
 def simulated(design, gains, i, fine=50):
@@ -89,20 +89,24 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
 def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
     fresh = family(1000, 77)
     rests = [fresh.at_rest(level, (-10.0, 0.0, 10.0)) for level in (3.0, 5.0)]
-    judge = Judge.of(fresh, rests[0], design.course, -10.0, 10.0, 0.0, "clamping", None)
+    judge = Judge.of(fresh, rests[0], design.course, 0.0, design.best.form.loop)
     w = frequencies(0.5, 12.0, 1200)
+    h = sampled_response(rests[1], 0.5, w)
     for row in design.rows[:2]:
-        found = judged_on(judge, [row.gains], sampled_response(rests[1], 0.5, w), w, WISHES, 1)
+        found = judged_on(judge, row.form, [row.gains], h, w, WISHES, 1)
         # 0.03 and the sampling of a share by 150 plants, three standard deviations
         assert float(np.mean(found.kept)) == pytest.approx(row.share, abs=0.03 + 3 * np.sqrt(row.share * (1 - row.share) / 150))
-    assert float(np.mean(judged_on(judge, [design.best.gains], sampled_response(rests[1], 0.5, w), w, WISHES, 1).kept)) > 0.92
+    assert (
+        float(np.mean(judged_on(judge, design.best.form, [design.best.gains], sampled_response(rests[1], 0.5, w), w, WISHES, 1).kept))
+        > 0.92
+    )
 
 
 def test_a_plant_of_negative_gain_gets_the_same_controller_with_the_other_sign():
     wishes = Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0)
     other = Wishes(5.0, 2.0, -0.2, 0.5, -10.0, 10.0)
-    one = tuned_pid(family(5, 1), family(20, 2), wishes, budget=40, seed=3)
-    two = tuned_pid(family(5, 1, sign=-1.0), family(20, 2, sign=-1.0), other, budget=40, seed=3)
+    one = tuned_loop(family(5, 1), family(20, 2), wishes, budget=40, seed=3)
+    two = tuned_loop(family(5, 1, sign=-1.0), family(20, 2, sign=-1.0), other, budget=40, seed=3)
     assert (one.sign, two.sign) == (1, -1)
     assert two.best.gains.Kp == pytest.approx(-one.best.gains.Kp, rel=1e-6)
     assert two.best.scores.iae == pytest.approx(one.best.scores.iae, rel=1e-6)
@@ -114,7 +118,7 @@ def test_data_that_are_too_poor_are_told_with_the_parameter_to_blame():
     plants = {"K": np.full(81, 2.0), "tau": np.full(81, 10.0), "L": wide, "c": np.ones(81)}
     loop = OneLoop(LAG, "z", "u", {}, plants)
     # within the 30 s of the step no loop comes to rest behind a dead time of 20 s with so little sensitivity
-    found = tuned_pid(loop, loop, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, share=0.99, horizon=60.0, ms=1.2), budget=40)
+    found = tuned_loop(loop, loop, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, share=0.99, horizon=60.0, ms=1.2), budget=40)
     told = " ".join(v["sentence"] for v in verdict(found, {"L": wide, "K": plants["K"]}))
     assert not found.promised
     assert "99 % were asked for" in told
@@ -131,7 +135,7 @@ def test_an_integrating_plant_is_tuned():
     plants = {"K": 0.1 * np.r_[1, np.exp(0.1 * rng.normal(size=n))], "L": 2 * np.r_[1, np.exp(0.1 * rng.normal(size=n))],
               "leak": np.full(n + 1, -0.05)}  # fmt: skip
     loop = OneLoop(tank, "z", "u", {}, plants)
-    found = tuned_pid(loop, loop, Wishes(2.0, 1.0, 0.2, 0.5, -5.0, 5.0, ms=1.8, overshoot=30.0), budget=80)
+    found = tuned_loop(loop, loop, Wishes(2.0, 1.0, 0.2, 0.5, -5.0, 5.0, ms=1.8, overshoot=30.0), budget=80)
     assert found.reduced.integrating
     assert found.reduced.first_order[2] == pytest.approx(2.25)
     assert found.best.margins.stable
@@ -142,7 +146,7 @@ def test_an_integrating_plant_is_tuned():
 def refused(model, plants, wishes, **more):
     def call():
         loop = OneLoop(model, "z", "u", {}, {n: np.atleast_1d(float(v)) for n, v in plants.items()})
-        return tuned_pid(loop, loop, wishes, **more)
+        return tuned_loop(loop, loop, wishes, **more)
 
     with pytest.raises(SimulationError) as caught:
         call()

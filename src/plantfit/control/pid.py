@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
+from plantfit import units
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.closed_loop import Controller
 
@@ -25,6 +26,17 @@ class Gains(NamedTuple):
     b: Any = 1.0
     c: Any = 1.0
     filter_time: Any = 0.0
+
+
+def gain_units(output: str | None, input: str | None) -> dict[str, str]:
+    """Units of Kp, Ki and Kd as texts, such as V/(rad/s), for the units of an output and an input; where one of them is not known
+    those of dimensionless signals."""
+    y, u = ("1", "1") if output is None or input is None or output == input else (output, input)
+    whole = y.removesuffix("/s")
+    if whole != y:  # a rate: V/(rad/s), V/rad, V/(rad/s^2)
+        return {"Kp": units.quotient(u, y), "Ki": units.quotient(u, whole), "Kd": units.quotient(u, f"{y}^2")}
+    times = "s" if u.strip() in units.DIMENSIONLESS else f"({u})*s" if "/" in u else f"{u}*s"
+    return {"Kp": units.quotient(u, y), "Ki": units.per_second(units.quotient(u, y)), "Kd": units.quotient(times, y)}
 
 
 class Settings(NamedTuple):

@@ -174,7 +174,7 @@ class ControlTable(_Table):
 
     output: str | None = None
     input: str | None = None
-    controller: Literal["pid", "pi"] = "pid"
+    controller: Literal["pid", "pi", "lqi"] = "pid"
     set_point: float | str | None = None
     step: float | str | None = None
     load: float | str | None = None

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, write_c
 from plantfit.control.c_export.fixed_pid import BITS, fixed_pid
 from plantfit.control.c_export.floating_pid import floating_pid
-from plantfit.control.pid import Gains, Settings, checked
+from plantfit.control.pid import Gains, Settings, checked, gain_units
 from plantfit.errors import SimulationError
 
 
@@ -65,10 +65,13 @@ def _story(gains: Gains, settings: Settings, units: Mapping[str, str]) -> list[s
     if unknown:
         raise SimulationError(f"units names {unknown[0]!r}; it may name 'measurement' and 'command'.")
     y, u = units.get("measurement", "its unit"), units.get("command", "its unit")
+    known = gain_units(units.get("measurement"), units.get("command"))
+    per = {name: "" if unit == "1" else f" {unit}" for name, unit in known.items()}
     tracked = f" within {settings.tracking_time:g} s" if settings.tracking_time is not None else ""
     return [
         f"Discrete PID every {settings.period:g} s: measurement and reference in {y}, command in {u}.",
-        f"Kp {gains.Kp!r}, Ki {gains.Ki!r} /s, Kd {gains.Kd!r} s; set-point weights b {gains.b:g}, c {gains.c:g}; "
+        f"Kp {gains.Kp!r}{per['Kp']}, Ki {gains.Ki!r}{per['Ki']}, Kd {gains.Kd!r}{per['Kd']}; "
+        f"set-point weights b {gains.b:g}, c {gains.c:g}; "
         f"filter of the derivative {gains.filter_time:g} s.",
         f"Command limited to [{settings.lower:g}, {settings.upper:g}], anti-windup: {settings.anti_windup}{tracked}.",
     ]

@@ -6,17 +6,18 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.control.tune.frequency import Margins, margins, pid_response, sampled_response
+    from plantfit.control.tune.loop_design import LoopDesign, tuned_loop
     from plantfit.control.tune.one_loop import OneLoop, Rest
-    from plantfit.control.tune.pid_design import PidDesign, Wishes, tuned_pid
     from plantfit.control.tune.reduction import Reduced, reduced
     from plantfit.control.tune.rules import RULES, Isa, rule_gains
+    from plantfit.control.tune.wishes import Wishes
 
 __all__ = [
     "RULES",
     "Isa",
+    "LoopDesign",
     "Margins",
     "OneLoop",
-    "PidDesign",
     "Reduced",
     "Rest",
     "Wishes",
@@ -25,7 +26,7 @@ __all__ = [
     "reduced",
     "rule_gains",
     "sampled_response",
-    "tuned_pid",
+    "tuned_loop",
 ]
 
 names_of(
@@ -33,8 +34,9 @@ names_of(
     {
         "frequency": "Margins margins pid_response sampled_response",
         "one_loop": "OneLoop Rest",
-        "pid_design": "PidDesign Wishes tuned_pid",
+        "loop_design": "LoopDesign tuned_loop",
         "reduction": "Reduced reduced",
         "rules": "RULES Isa rule_gains",
+        "wishes": "Wishes",
     },
 )

@@ -44,19 +44,38 @@ def sampled_response(rest: Rest, period: float, w: np.ndarray) -> np.ndarray:
     """
     n, ways, size = rest.B.shape
     z = np.exp(1j * w * period)
+    whole, phi, first, over = _moves(rest, period)
+    drive = np.zeros((n, len(w), size), complex)
+    for k in range(ways):
+        back = z[None, :] ** -whole[:, k, None]
+        drive += back[..., None] * (first[:, k, None, :] + over[:, k, None, :] / z[None, :, None])
+    x = np.linalg.solve(z[None, :, None, None] * np.eye(size) - phi[:, None], drive[..., None])[..., 0]
+    return np.einsum("ns,nfs->nf", rest.C, x) + rest.D[:, None] / z[None, :]
+
+
+def input_matrices(rest: Rest, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """A (s, s) and B (p + 1, s) of the first plant sampled: x[k+1] = A x[k] + sum of B[j] u[k-j], all ways of the input together."""
+    whole, phi, first, over = _moves(rest, period)
+    counts = whole[0].astype(int)
+    b = np.zeros((int(counts.max()) + 2, phi.shape[-1]))
+    for k, d in enumerate(counts):
+        b[d] += first[0, k]
+        b[d + 1] += over[0, k]
+    used = np.flatnonzero(np.any(b != 0, axis=1))
+    return phi[0], b[: (used[-1] if len(used) else 0) + 1]
+
+
+def _moves(rest: Rest, period: float) -> tuple[np.ndarray, ...]:
+    """Of every plant and way of the input: whole samples of dead time (n, c); e^(A h) (n, s, s); what an input moves the states in the
+    rest of the sample in which it arrives (n, c, s) and in the next one."""
+    n = len(rest.B)
     counts = rest.late / period
     whole = np.floor(counts + ROUNDING)
     share = np.maximum(counts - whole, 0.0)
     phi, _ = _held(rest.A, rest.B[:, :1], np.full((n, 1), period))
     late, first = _held(rest.A, rest.B, (1.0 - share) * period)
     _, second = _held(rest.A, rest.B, share * period)
-    drive = np.zeros((n, len(w), size), complex)
-    for k in range(ways):
-        back = z[None, :] ** -whole[:, k, None]
-        over = np.einsum("nij,nj->ni", late[:, k], second[:, k])
-        drive += back[..., None] * (first[:, k, None, :] + over[:, None, :] / z[None, :, None])
-    x = np.linalg.solve(z[None, :, None, None] * np.eye(size) - phi[:, 0][:, None], drive[..., None])[..., 0]
-    return np.einsum("ns,nfs->nf", rest.C, x) + rest.D[:, None] / z[None, :]
+    return whole, phi[:, 0], first, np.einsum("nkij,nkj->nki", late, second)
 
 
 def _held(a: np.ndarray, b: np.ndarray, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -76,21 +95,23 @@ def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
     return gains.Kp + integral + gains.Kd * (1.0 - back) / (gains.filter_time * (1.0 - back) + period)
 
 
-def margins(loop: np.ndarray, w: np.ndarray, integrators: int) -> Margins:
+def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
     """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
-    `integrators` at 1.
+    `integrators` at 1 and `unstable` ones outside.
 
-    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator if the closed loop is stable,
-    and by pi less for each pole outside (the argument principle: closed over open characteristic polynomial).
+    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for each unstable pole
+    if the closed loop is stable, and by pi less for each pole outside (the argument principle: closed over open characteristic
+    polynomial).
     """
     distance = np.abs(1.0 + loop)
     with np.errstate(all="ignore"):
         ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
     turned = np.unwrap(np.angle(1.0 + loop), axis=1)
-    # before the first frequency 1 + L comes from the direction of (j w)^-integrators, up to the sign of its gain, which is positive
-    begin = np.angle(1.0 + loop[:, 0]) - (-0.5 * np.pi * integrators)
+    # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
+    behind = np.where(np.real(loop[:, 0] * 1j**integrators) < 0, np.pi, 0.0)
+    begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
     begin = (begin + np.pi) % (2 * np.pi) - np.pi
-    outside = np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
+    outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
     for i in range(len(loop)):

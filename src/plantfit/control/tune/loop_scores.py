@@ -110,7 +110,7 @@ def observer(course: StepAndLoad) -> Observer:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """The loop of a `OneLoop` with a PID; `start` where its plants rest before the step."""
+    """The loop of a `OneLoop` with one form of controller; `start` where its plants rest before the step."""
 
     plant: OneLoop
     start: Rest
@@ -118,12 +118,14 @@ class Judge:
     loop: ClosedLoop
 
     @classmethod
-    def of(
-        cls, plant: OneLoop, start: Rest, course: StepAndLoad, lower: float, upper: float, quantum: float, anti_windup: str,
-        tracking_time: float | None,
-    ) -> "Judge":  # fmt: skip
-        controller = limited_pid(course.period, lower, upper, anti_windup, tracking_time)
+    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, controller: Controller) -> "Judge":
+        """With a sensor of steps `quantum`, and a controller whose parameters are (its own, the input at rest)."""
         return cls(plant, start, course, plant.closed(controller, course.period, quantum))
+
+    def part(self, rows: slice) -> "Judge":
+        """The same on some of the plants."""
+        start = Rest(*(getattr(self.start, n)[rows] for n in ("x", "u", "A", "B", "C", "D", "late")))
+        return Judge(self.plant.part(rows), start, self.course, self.loop)
 
     def rows(self) -> tuple[Any, Any, Any]:
         """Parameters, states and input at rest of every plant, with a leading axis."""
@@ -135,7 +137,7 @@ class Judge:
         return {**p, REST: u}, {"x0": x0, "inputs": {**self.plant.others, LOAD: jnp.asarray(self.course.loads())}}
 
     def scores(self, controllers: Any) -> LoopScores:
-        """Every controller (a pytree of `Gains` with a leading axis) on every plant: arrays (controllers, plants); jax-traceable."""
+        """Every controller (a pytree of parameters with a leading axis) on every plant: arrays (controllers, plants); jax-traceable."""
         seen, level = observer(self.course), self.course.level
 
         def one(gains, row):

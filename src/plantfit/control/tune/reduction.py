@@ -23,6 +23,12 @@ class Reduced:
     how: str
 
 
+def slowest(small: Reduced) -> float:
+    """Seconds that a reduced plant takes: its lag and its dead time."""
+    _, lag, dead = small.first_order
+    return (lag if np.isfinite(lag) else small.second_order[2]) + dead
+
+
 def poles(rest: Rest, at: int = 0) -> np.ndarray:
     """Poles (s,) of one plant in 1/s."""
     return np.linalg.eigvals(rest.A[at])

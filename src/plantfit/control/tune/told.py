@@ -1,12 +1,15 @@
-"""What a PID that was tuned on a family of plants is worth, as sentences and as a plain record."""
+"""What a controller that was tuned on a family of plants is worth, as sentences and as a plain record."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from plantfit.control.tune.frequency import frequencies, pid_response, sampled_response
-from plantfit.control.tune.pid_design import BEST_FIT, FINE, ROBUST, PidDesign, Row, isa_of, slowest
+from plantfit.control.pid import Gains
+from plantfit.control.tune.forms import isa_of
+from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.loop_design import BEST_FIT, FINE, PID_BESIDE, ROBUST, LoopDesign, Row
+from plantfit.control.tune.reduction import slowest
 
 FEW = 40  # plants drawn as lines
 POINTS = 400  # of a curve in the record
@@ -14,7 +17,7 @@ SLOWER = 1.5  # times the IAE of the best fit's own tuning: the price of not kno
 CLEAR = 0.3  # share of the variance that a parameter has to explain to be named
 
 
-def verdict(design: PidDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[dict[str, str]]:
+def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[dict[str, str]]:
     """Sentences with a level; `names` are the free parameters (n,) of the family by name."""
     wishes, best, alone = design.wishes, design.best, design.row(BEST_FIT)
     n = design.family.count
@@ -61,7 +64,10 @@ def verdict(design: PidDesign, names: Mapping[str, np.ndarray], how: str = "that
             f"than tuning on it "
             f"alone would.{_first(design, names, None)}",
         )
-    rules = [r for r in design.rows if r.name not in (ROBUST, BEST_FIT) and r.share >= wishes.share]
+    beside = design.row(PID_BESIDE)
+    if beside is not None:
+        say("info", _compared(best, beside))
+    rules = [r for r in design.rows if r.name not in (ROBUST, BEST_FIT, PID_BESIDE) and r.share >= wishes.share]
     if rules and design.promised:
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
         ratio = first.scores.iae / best.scores.iae
@@ -70,11 +76,21 @@ def verdict(design: PidDesign, names: Mapping[str, np.ndarray], how: str = "that
     return told
 
 
+def _compared(best: Row, pid: Row) -> str:
+    """The same search for a PID beside another form."""
+    pairs = ((pid.scores.iae, best.scores.iae), (pid.scores.load_iae, best.scores.load_iae))
+    step, load = (other / own if own > 0 else np.inf for other, own in pairs)
+    told = f"A PID tuned on the same plants: {_percent(pid.share)} keep it; IAE of its step {step:.2f} times, of its load {load:.2f} times"
+    if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
+        return f"{told}: {best.form.name} gains nothing here."
+    return f"{told}."
+
+
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share in (0.0, 1.0) or 0.005 <= share <= 0.995 else f"{100 * share:.1f} %"
 
 
-def _first(design: PidDesign, names: Mapping[str, np.ndarray], failed: np.ndarray | None) -> str:
+def _first(design: LoopDesign, names: Mapping[str, np.ndarray], failed: np.ndarray | None) -> str:
     """Which parameter the spread of the loops comes from, by the rank correlation with Ms."""
     target = np.argsort(np.argsort(np.nan_to_num(design.judged.ms[0], posinf=1e9)))
     shares = {}
@@ -89,16 +105,15 @@ def _first(design: PidDesign, names: Mapping[str, np.ndarray], failed: np.ndarra
     return f" {_percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit excite), or state it."
 
 
-def table(design: PidDesign) -> list[dict[str, Any]]:
+def table(design: LoopDesign) -> list[dict[str, Any]]:
     """A plain row for each controller."""
     return [_plain_row(design, i, r) for i, r in enumerate(design.rows)]
 
 
-def _plain_row(design: PidDesign, i: int, row: Row) -> dict[str, Any]:
-    isa, s, m = isa_of(row.gains), row.scores, row.margins
+def _plain_row(design: LoopDesign, i: int, row: Row) -> dict[str, Any]:
+    s, m = row.scores, row.margins
     return {
-        "name": row.name, "source": row.source, "Kp": float(row.gains.Kp), "Ki": float(row.gains.Ki), "Kd": float(row.gains.Kd),
-        "K": float(isa.K), "Ti": float(isa.Ti), "Td": float(isa.Td), "b": float(row.gains.b), "filter_time": float(row.gains.filter_time),
+        "name": row.name, "source": row.source, "form": row.form.name, **_settings(row.parameters),
         "iae": s.iae, "overshoot": s.overshoot, "settling": s.settling, "load_iae": s.load_iae, "load_peak": s.load_peak,
         "travel": s.travel,
         "ms": m.ms, "mt": m.mt, "gain_margin": m.gain, "phase_margin": m.phase, "stable": bool(m.stable),
@@ -107,7 +122,18 @@ def _plain_row(design: PidDesign, i: int, row: Row) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def curves(design: PidDesign, seed: int = 0) -> dict[str, Any]:
+def _settings(parameters: Any) -> dict[str, Any]:
+    """The gains of a PID in both forms; the arrays of an LQ servo as lists."""
+    if not isinstance(parameters, Gains):
+        return {n: np.asarray(v).tolist() for n, v in parameters._asdict().items()}
+    g, isa = parameters, isa_of(parameters)
+    return {
+        "Kp": float(g.Kp), "Ki": float(g.Ki), "Kd": float(g.Kd), "K": float(isa.K), "Ti": float(isa.Ti), "Td": float(isa.Td),
+        "b": float(g.b), "filter_time": float(g.filter_time),
+    }  # fmt: skip
+
+
+def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
     """Step responses and sensitivities of the family: bands (5, 50, 95 %), some lines, the best fit, and the tuning on the best fit
     alone."""
     wishes, found = design.wishes, {}
@@ -119,9 +145,9 @@ def curves(design: PidDesign, seed: int = 0) -> dict[str, Any]:
     for name in (ROBUST, BEST_FIT):
         row = design.row(name)
         assert row is not None
-        seen = design.judge.responses(row.gains)
+        seen = design.judges[row.form.name].responses(row.parameters)
         at = np.unique(np.linspace(0, len(seen["t"]) - 1, POINTS).round().astype(int))
-        loop = pid_response(row.gains, wishes.period, w)[None, :] * h
+        loop = row.form.response(row.parameters, w)[None, :] * h
         s = np.abs(1.0 / (1.0 + loop))
         few = np.unique(np.linspace(0, len(w) - 1, POINTS // 2).round().astype(int))
         found[name] = {

@@ -6,11 +6,9 @@ from typing import Any
 
 from plantfit.report.case_page import write_case_page
 from plantfit.report.figures.control.loops import loop_figure, nyquist_figure, sensitivity_figure
+from plantfit.report.numbers import unit_label, with_unit
 
 Record = Mapping[str, Any]
-COLUMNS = (
-    "tuning", "K", "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot %", "IAE load", "Ms", "GM", "PM [deg]", "kept by",
-)  # fmt: skip
 _MARKS = {"good": "", "info": "", "warning": "Note: ", "bad": "Not met: "}
 
 
@@ -19,17 +17,41 @@ def named(signal: Record) -> str:
     return f"{signal['name']} [{signal['unit']}]" if signal["unit"] else str(signal["name"])
 
 
+def heads(record: Record) -> tuple[str, ...]:
+    """Heads of the table, with units: gains of a PID in ISA form, figures of the loop."""
+    unit = record["output"]["unit"]
+    load = "s" if unit in (None, "", "1") else f"{unit}*s"
+    return (
+        "tuning", with_unit("K", record["units"]["Kp"]), "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot %",
+        with_unit("IAE load", load), "Ms", "GM", "PM [deg]", "kept by",
+    )  # fmt: skip
+
+
 def table_rows(record: Record) -> list[tuple[str, ...]]:
-    """Texts of `COLUMNS` for each controller: figures of the best fit; `kept by` is the share of all plants."""
+    """Texts under `heads` for each controller: figures of the best fit; `kept by` is the share of all plants."""
     return [_row(r) for r in record["controllers"]]
 
 
 def _row(r: Record) -> tuple[str, ...]:
     margins = (f"{r['ms']:.2f}", _number(r["gain_margin"], 2), _number(r["phase_margin"], 0)) if r["stable"] else ("unstable", "-", "-")
+    pid = (f"{r['K']:.4g}", f"{r['Ti']:.4g}", f"{r['Td']:.3g}", f"{r['b']:.2g}") if "Kp" in r else ("-", "-", "-", "-")
+    return (r["name"], *pid, f"{r['iae']:.4g}", f"{r['overshoot']:.1f}", f"{r['load_iae']:.4g}", *margins, f"{100 * r['share']:.0f} %")
+
+
+def settings(record: Record) -> str:
+    """The tuned controller in a line, with units."""
+    best, labels = record["controllers"][0], {name: unit_label(unit) for name, unit in record["units"].items()}
+    per = {name: f" {label}" if label else "" for name, label in labels.items()}
+    if "Kp" in best:
+        return (
+            f"Kp {best['Kp']:.6g}{per['Kp']}, Ki {best['Ki']:.6g}{per['Ki']}, Kd {best['Kd']:.6g}{per['Kd']}, b {best['b']:.3g}, "
+            f"filter {best['filter_time']:.3g} s"
+        )
+    states, gain = (", ".join(f"{v:.5g}" for v in best[name]) for name in ("K", "gain"))
     return (
-        r["name"], f"{r['K']:.4g}", f"{r['Ti']:.4g}", f"{r['Td']:.3g}", f"{r['b']:.2g}", f"{r['iae']:.4g}", f"{r['overshoot']:.1f}",
-        f"{r['load_iae']:.4g}", *margins, f"{100 * r['share']:.0f} %",
-    )  # fmt: skip
+        f"K ({states}) of the states, Ki {best['Ki']:.5g}{per['Ki']}, set point {best['f']:.5g}{per['Kp']}, "
+        f"{len(best['P'])} past inputs, filter ({gain})"
+    )
 
 
 def _number(value: float, digits: int) -> str:
@@ -76,17 +98,21 @@ def write_controller_page(record: Record, curves: Mapping[str, Any], path: str |
     """Write the page of a tuned controller (`controllers.Controller.record` and `.curves`) to `path`; StoreError where that fails."""
     best, w = record["controllers"][0], record["wishes"]
     plants = f"{record['plants']} plants"
-    parallel = (
-        f"Kp {best['Kp']:.6g}, Ki {best['Ki']:.6g} /s, Kd {best['Kd']:.6g} s (parallel); K {best['K']:.6g}, Ti {best['Ti']:.6g} s, "
-        f"Td {best['Td']:.6g} s (ISA); set-point weight {best['b']:.3g}, derivative of the measurement filtered with "
-        f"{best['filter_time']:.3g} s."
-    )
+    form, has_gains = record["form"], "Kp" in best
+    if has_gains:
+        told = (
+            f"Parallel form: {settings(record)} of the derivative, which is that of the measurement. ISA form: "
+            f"{with_unit('K', record['units']['Kp'])} {best['K']:.6g}, Ti {best['Ti']:.6g} s, Td {best['Td']:.6g} s."
+        )
+    else:
+        told = f"{form}: {settings(record)}. Its matrices are in the JSON and C files."
     rows = table_rows(record)
+    sources = "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"][2 if has_gains else 3 :])
     page = {
         "title": f"Controller of {record['name']}",
-        "subtitle": f"{record['output']['name']} by {record['input']['name']}: PID on the plants that the data allow",
+        "subtitle": f"{record['output']['name']} by {record['input']['name']}: {form} on the plants that the data allow",
         "sections": [
-            {"title": "Verdict", "sentences": [*sentences(record), parallel]},
+            {"title": "Verdict", "sentences": [*sentences(record), told]},
             {"title": "Asked for", "sentences": asked(record)},
             {
                 "title": "Step and load",
@@ -110,9 +136,9 @@ def write_controller_page(record: Record, curves: Mapping[str, Any], path: str |
                 "tables": [
                     {
                         "caption": "Figures of the best fit; kept by: share of all plants that keep overshoot and Ms",
-                        "columns": COLUMNS,
+                        "columns": heads(record),
                         "rows": rows,
-                        "note": "Sources: " + "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"][2:]) + ".",
+                        "note": f"Sources: {sources}.",
                     }
                 ],
             },

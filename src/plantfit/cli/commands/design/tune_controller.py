@@ -1,4 +1,4 @@
-"""`plantfit tune`: a PID from a finished study."""
+"""`plantfit tune`: a controller from a finished study."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,7 @@ def tune(
     load: Annotated[str | None, typer.Option("--load", help="A step of load at the plant's input, in its unit.")] = None,
     output: Annotated[str | None, typer.Option("--output", help="The output that is controlled.")] = None,
     input_: Annotated[str | None, typer.Option("--input", help="The input that is driven.")] = None,
-    controller: Annotated[str | None, typer.Option("--controller", help="pid or pi.")] = None,
+    controller: Annotated[str | None, typer.Option("--controller", help="pid, pi or lqi (LQ servo with a Kalman filter).")] = None,
     period: Annotated[str | None, typer.Option("--period", help="Sample time of the controller, as in 0.5s.")] = None,
     lower: Annotated[str | None, typer.Option("--lower", help="Lowest input of the actuator.")] = None,
     upper: Annotated[str | None, typer.Option("--upper", help="Highest input of the actuator.")] = None,
@@ -30,11 +30,11 @@ def tune(
     seed: Annotated[int, typer.Option("--seed", help="Same seed, same answer.")] = 1,
     study: Annotated[int | None, typer.Option("--study", help="Number of the study; the newest of that name if left out.")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the page goes; NAME-tune.html if left out.")] = None,
-    c: Annotated[str | None, typer.Option("--c", help="Folder for NAME_pid.c and NAME_pid.h; that of the page if left out.")] = None,
+    c: Annotated[str | None, typer.Option("--c", help="Folder for the C files; that of the page if left out.")] = None,
     store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
-    """A PID from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
+    """A PID or LQI from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
     from plantfit.cli.commands.design.tuned_study import asked_of
 
     wishes: dict[str, Any] = {

@@ -89,16 +89,12 @@ def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: 
 def show(record: Mapping[str, Any]) -> None:
     """Verdict, wishes and the table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
-    from plantfit.report.pages.controller import COLUMNS, asked, reduction, table_rows
+    from plantfit.report.pages.controller import asked, heads, reduction, settings, table_rows
     from plantfit.report.text import columns
 
     verdict(dict(record))
-    best = record["controllers"][0]
-    out.print(
-        f"PID: Kp {best['Kp']:.6g}, Ki {best['Ki']:.6g} /s, Kd {best['Kd']:.6g} s, b {best['b']:.3g}, filter {best['filter_time']:.3g} s",
-        markup=False,
-    )
+    out.print(f"{record['form']}: {settings(record)}", markup=False)
     for sentence in asked(record):
         out.print(f"  {sentence}", markup=False)
-    out.print(columns(COLUMNS, table_rows(record), range(1, len(COLUMNS))), markup=False)
+    out.print(columns(heads(record), table_rows(record), range(1, len(heads(record)))), markup=False)
     out.print(reduction(record), markup=False)

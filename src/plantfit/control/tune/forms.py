@@ -1,0 +1,103 @@
+"""Forms of controllers that one search and one judgement serve: a PID, and an LQ servo with its filter."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
+from plantfit.control.pid import Gains
+from plantfit.control.tune.frequency import pid_response
+from plantfit.control.tune.loop_scores import limited_pid
+from plantfit.control.tune.reduction import Reduced, slowest
+from plantfit.control.tune.rules import FILTER, Isa, rule_gains
+from plantfit.control.tune.servo_weights import ServoPlant
+from plantfit.control.tune.wishes import Wishes
+from plantfit.simulate.loop.closed_loop import Controller
+from plantfit.space import Parameter, Space
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """What a kind of controller is for a search.
+
+    `made` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which also takes
+    the input at rest; `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the
+    controller's own poles outside the unit circle. `starts` (k, d) are points of the cube to begin with.
+    """
+
+    name: str
+    space: Space
+    made: Callable[[Any], Any]
+    response: Callable[..., Any]
+    loop: Controller
+    unstable: Callable[[Any], int]
+    starts: np.ndarray
+
+
+def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa], tracking_time: float | None) -> Form:
+    """A PID (a PI where the wishes say so), in K, Ti, Td, set-point weight and filter; the rules are its starts."""
+    derivative = wishes.controller != "pi"
+    simc = rule_gains("SIMC", small, derivative)
+    assert simc is not None
+    slow, dead, size = slowest(small), small.first_order[2], abs(simc.K)
+    ranges = {
+        "K": Parameter((size / 50, size * 30), scale="log"),
+        "Ti": Parameter((0.2 * dead, 30.0 * (slow + dead)), scale="log"),
+        "b": Parameter((0.0, 1.0)),
+    }
+    if derivative:
+        ranges |= {"Td": Parameter((0.01 * dead, 2.0 * slow), scale="log"), "ratio": Parameter((2.0, 30.0), scale="log")}
+    space = Space(ranges)
+
+    def made(z):
+        v = dict(zip(space.names, space.physical(z), strict=True))
+        gain = sign * v["K"]
+        td = v.get("Td", 0.0)
+        return Gains(gain, gain / v["Ti"], gain * td, v["b"], 0.0, td / v.get("ratio", FILTER))
+
+    def response(gains, w, xp=np):
+        return pid_response(gains, wishes.period, w, xp)
+
+    loop = limited_pid(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)
+    starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
+    return Form("PID" if derivative else "PI", space, made, response, loop, lambda _: 0, starts)
+
+
+def _coordinates(isa: Isa, names: Sequence[str]) -> np.ndarray:
+    values = {"K": abs(isa.K), "Ti": isa.Ti, "Td": max(isa.Td, 1e-12), "b": isa.b, "ratio": FILTER}
+    return np.array([values[n] for n in names])
+
+
+def isa_of(gains: Gains) -> Isa:
+    """The ideal form of parallel gains."""
+    return Isa(gains.Kp, gains.Kp / gains.Ki if gains.Ki else math.inf, gains.Kd / gains.Kp if gains.Kp else 0.0, gains.b)
+
+
+def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes, tracking_time: float | None) -> Form:
+    """An LQ servo on the linearised best fit, in the weights of input and integral, the speed of its filter and the set-point weight."""
+    slow, dead = slowest(small), small.first_order[2]
+    space = Space({
+        "rho": Parameter((1e-5, 1e3), scale="log"),
+        "Ti": Parameter((0.05 * dead, 30.0 * (slow + dead)), scale="log"),
+        "wander": Parameter((1e-2, 1e4), scale="log"),
+        "b": Parameter((0.0, 1.0)),
+    })  # fmt: skip
+
+    def made(z):
+        rho, ti, wander, b = space.physical(z)
+        return plant.servo(rho, ti, wander, b)
+
+    def response(parameters: Servo, w, xp=np):
+        return servo_response(parameters, wishes.period, w, xp)
+
+    options = {"lower": wishes.lower, "upper": wishes.upper, "anti_windup": wishes.anti_windup, "tracking_time": tracking_time}
+    loop = servo(wishes.period, **options)
+    starts = [
+        space.cube(np.array([rho, share * (slow + dead), wander, 0.5])) for rho in (0.01, 0.3, 3.0) for share in (0.3, 1.0)
+        for wander in (1.0, 30.0)
+    ]  # fmt: skip
+    return Form("LQI", space, made, response, loop, lambda parameters: unstable_poles(parameters, wishes.period), np.stack(starts))

@@ -1,0 +1,102 @@
+"""What a family of plants has to be for a loop to be tuned: it rests at both levels within limits, is stable, and its input moves it."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from plantfit.control.tune.one_loop import OneLoop, Rest
+from plantfit.control.tune.reduction import Reduced, gain_of, poles
+from plantfit.control.tune.wishes import Wishes
+from plantfit.errors import SimulationError
+
+
+def _inside(u: np.ndarray, wishes: Wishes, load: float = 0.0) -> np.ndarray:
+    return (u - load >= wishes.lower) & (u - load <= wishes.upper) & np.isfinite(u)
+
+
+def held_by_limits(rests: Sequence[Rest], wishes: Wishes) -> np.ndarray:
+    return _inside(rests[0].u, wishes) & _inside(rests[1].u, wishes) & _inside(rests[1].u, wishes, wishes.load)
+
+
+def with_rest(rests: Sequence[Rest]) -> np.ndarray:
+    """Plants (n,) with a rest at both levels; whether it lies within the limits shows in their loops."""
+    whole = np.isfinite(rests[0].u) & np.isfinite(rests[1].u)
+    whole[0] = True
+    return whole
+
+
+def sign_of(rest: Rest) -> tuple[int, np.ndarray]:
+    """Of the best fit's gain, and whether the others (n,) have another."""
+    gains = np.array([_gain(rest, i) for i in range(len(rest.u))])
+    if not np.isfinite(gains[0]) or gains[0] == 0:
+        raise SimulationError(
+            "The input does not move the output at the set point (its gain is 0); choose another input, output or set point, or measure "
+            "with an input that moves it."
+        )
+    return int(np.sign(gains[0])), ~(np.sign(gains) == np.sign(gains[0]))
+
+
+def _gain(rest: Rest, at: int) -> float:
+    if not np.all(np.isfinite(rest.A[at])):
+        return float("nan")
+    return gain_of(rest, at)
+
+
+def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None:
+    """Of the best fit: stable, and within the limits at both levels and under the load."""
+    unit_y, unit_u = plant.model.outputs[plant.output] or "", plant.model.inputs[plant.input] or ""
+    for where, level in ((start, wishes.set_point - wishes.step), (rest, wishes.set_point)):
+        u = float(where.u[0])
+        if not np.isfinite(u):
+            raise SimulationError(
+                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: the model has no rest there. Choose "
+                f"another set point "
+                "or step."
+            )
+        if not wishes.lower <= u <= wishes.upper:
+            raise SimulationError(
+                f"{plant.output} at {level:.4g} {unit_y} takes {plant.input} = {u:.4g} {unit_u}, beyond its limits {wishes.lower:.4g} to "
+                f"{wishes.upper:.4g} {unit_u}: they cannot hold that set point. {_reach(plant, wishes)}Choose another set point "
+                f"or step, or "
+                "give the limits of the actuator ([control] lower and upper, or --lower and --upper)."
+            )
+    u = float(rest.u[0]) - wishes.load
+    if not wishes.lower <= u <= wishes.upper:
+        raise SimulationError(
+            f"Against a load of {wishes.load:.4g} {unit_u} {plant.output} at {wishes.set_point:.4g} {unit_y} takes "
+            f"{plant.input} = {u:.4g} {unit_u}, "
+            f"beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g} {unit_u}; give a smaller load ([control] load, or --load)."
+        )
+    found = poles(rest)
+    fastest = float(np.max(np.real(found)))
+    if fastest > 1e-6 * max(float(np.max(np.abs(found))), 1e-9):
+        raise SimulationError(
+            f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} 1/s doubles a "
+            f"deviation every "
+            f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; use lqr or mpc "
+            "(docs/control.md)."
+        )
+
+
+def _reach(plant: OneLoop, wishes: Wishes) -> str:
+    """The levels that the limits hold, where the model is near to linear in between; empty where that is not known."""
+    lines = []
+    for share in (0.35, 0.65):
+        level = wishes.set_point - wishes.step + share * wishes.step
+        lines.append((level, float(plant.part(slice(0, 1)).at_rest(level, (wishes.lower, wishes.upper)).u[0])))
+    (y1, u1), (y2, u2) = lines
+    if not np.isfinite(u1 + u2) or u1 == u2:
+        return ""
+    ends = sorted(y1 + (u - u1) * (y2 - y1) / (u2 - u1) for u in (wishes.lower, wishes.upper))
+    return f"They hold about {ends[0]:.4g} to {ends[1]:.4g} {plant.model.outputs[plant.output] or ''}. "
+
+
+def check_dead_time(small: Reduced, wishes: Wishes) -> None:
+    dead = small.first_order[2]
+    if wishes.horizon is not None and wishes.horizon < 4.0 * dead:
+        raise SimulationError(
+            f"The horizon of {wishes.horizon:.4g} s is shorter than four times the dead time of {dead:.4g} s, so that nothing "
+            f"can be judged in it; "
+            f"give at least {8 * dead:.3g} s, or leave horizon out."
+        )

@@ -1,0 +1,56 @@
+"""What a loop is asked for."""
+
+import math
+from dataclasses import dataclass
+
+from plantfit.errors import SimulationError
+
+SETTLED = 0.05  # of the step: a loop that is farther off at the end of it does not hold the set point
+CONTROLLERS = ("pid", "pi", "lqi")
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a loop is asked for, all in the units of the study.
+
+    From rest at `set_point` - `step` to `set_point`, then `load` at the plant's input. `period` (s) of the controller, input limits,
+    `quantum` of the sensor and standard deviation `noise` of the measurement. `overshoot` (%) and `ms` are limits that the `share` of
+    the plants has to keep; `input_noise` is how much of the input's range the noise may move it (standard deviation). `horizon` (s) of
+    step and load.
+    """
+
+    set_point: float
+    step: float
+    load: float
+    period: float
+    lower: float
+    upper: float
+    quantum: float = 0.0
+    noise: float = 0.0
+    overshoot: float = 10.0
+    ms: float = 1.6
+    share: float = 0.95
+    input_noise: float = 0.05
+    controller: str = "pid"
+    horizon: float | None = None
+    anti_windup: str = "clamping"
+
+    @property
+    def settled(self) -> float:
+        """How far off the set point, as a share of the step, a loop may be at the end of the step: 5 %, or a step of the sensor."""
+        return max(SETTLED, self.quantum / abs(self.step))
+
+
+def check_wishes(wishes: Wishes) -> None:
+    for name, low in (("period", 0.0), ("overshoot", 0.0), ("ms", 1.0), ("input_noise", 0.0)):
+        value = getattr(wishes, name)
+        if not (math.isfinite(value) and value > low):
+            raise SimulationError(f"{name} = {value:g} cannot be asked for; give a number above {low:g}.")
+    if not 0 < wishes.share < 1:
+        raise SimulationError(f"share = {wishes.share:g} cannot be promised; give a share of the plants between 0 and 1, such as 0.95.")
+    if not wishes.lower < wishes.upper:
+        raise SimulationError(f"The input's limits are {wishes.lower:g} and {wishes.upper:g}; give lower below upper.")
+    if not wishes.step or not math.isfinite(wishes.step):
+        raise SimulationError(f"A step of {wishes.step:g} moves nothing; give the change of the set point.")
+    if wishes.controller not in CONTROLLERS:
+        raise SimulationError(f"Controller {wishes.controller!r} is not known; give {', '.join(map(repr, CONTROLLERS))}.")
