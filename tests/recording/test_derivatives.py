@@ -104,6 +104,17 @@ def test_uneven_steps_are_taken_as_they_are(method):
     np.testing.assert_allclose(r["w"][50:-50], 4 * np.cos(4 * t[50:-50]), atol=0.005)
 
 
+def test_forward_rates_held_between_samples_give_the_signal_back():
+    t = uneven(200, period=0.004)
+    r = rec.from_arrays(t, signals={"N": (np.floor(1e3 * np.sin(4 * t)), "counts")})
+    r = rec.differentiate(r, "N", "rate", method="forward")
+    np.testing.assert_allclose(r["N"][0] + np.concatenate([[0.0], np.cumsum(r["rate"][:-1] * np.diff(t))]), r["N"], atol=1e-9)
+    assert r["rate"][-1] == r["rate"][-2]
+    assert r.signals["rate"].unit == "counts/s"
+    with pytest.raises(RecordingError, match="first derivative only; use 'central'"):
+        rec.differentiate(r, "N", "a", method="forward", derivative=2)
+
+
 def test_ignoring_jitter_would_be_far_worse():
     t = uneven(600, period=0.004)
     honest, blind = (

@@ -57,6 +57,25 @@ def test_a_plant_that_was_not_at_rest():
     assert not looks(record(start=3.0), initial="y")
 
 
+def test_a_record_that_begins_with_a_step_is_not_called_restless_before_its_first_move():
+    """The rig's chamber: the valve opens at the first sample, and moves again in the middle."""
+    n = 600
+    t, noise = 0.05 * np.arange(n), 0.02 * np.random.default_rng(1).normal(size=n)
+    y = 2.0 * (1 - np.exp(-t / 2.0)) + np.where(t > 15, 1 - np.exp(-(t - 15) / 2.0), 0.0) + noise
+    recording = Recording(t, {"u": Signal(np.where(t > 15, 1.5, 1.0)), "y": Signal(y)}, "a")
+
+    def found(before):
+        model = equations(
+            "x' = (K*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"],
+            parameters={"K": {"bounds": (0.1, 10)}, "tau": {"unit": "s", "bounds": (0.02, 20.0)}},
+        )  # fmt: skip
+        return [look.kind for look in problem_looks(Problem(model, Experiment(recording, before=before)))]
+
+    assert found({"u": 0.0}) == []
+    assert found({}) == ["not at rest"]
+    assert found({"u": 1.0}) == ["not at rest"]  # said to have been the same before, so that the start is what moves
+
+
 def test_an_input_that_never_moves_is_told_as_what_it_is():
     n = 600
     noise = 0.02 * np.random.default_rng(1).normal(size=n)

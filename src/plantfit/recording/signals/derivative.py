@@ -14,7 +14,7 @@ from plantfit.recording.record import Recording
 from plantfit.recording.signals.smoother import kalman_smoother
 from plantfit.units import per_second
 
-DerivativeMethod = Literal["savgol", "central", "butterworth", "spline", "kalman"]
+DerivativeMethod = Literal["savgol", "central", "forward", "butterworth", "spline", "kalman"]
 
 
 def differentiate(
@@ -34,9 +34,11 @@ def differentiate(
 
     "savgol": polynomial of `order` over `window` samples (Savitzky and Golay, Anal. Chem. 36, 1964).
     "central": central differences. "butterworth": central differences after a zero-phase low-pass of `order` at `cutoff`.
+    "forward": the mean rate until the next sample, the last one repeated. Held between samples, its integral is the signal again at
+    every sample: for the counts of an encoder that drive a model.
     "kalman": Rauch-Tung-Striebel smoothing of `order`-fold integrated white noise, by default at the most likely cut-off.
     "spline": cubic smoothing spline, its penalty `smoothing` (for time in samples) chosen by cross-validation when left out.
-    `cutoff` is in Hz or a rule of `cutoff_frequency` with its `noise`. "central", "kalman" and "spline" take uneven steps as they are.
+    `cutoff` is in Hz or a rule of `cutoff_frequency` with its `noise`. "central", "forward", "kalman" and "spline" take uneven steps.
     The unit gains "/s" once or twice. Raises RecordingError for settings that do not fit the method.
     """
     source = signal_of(recording, signal)
@@ -83,6 +85,10 @@ def _local(
     t = recording.t
     if method == "central":
         return _central(values, t, derivative)
+    if method == "forward":
+        if derivative != 1:
+            raise RecordingError(f"{step}: method 'forward' gives the first derivative only; use 'central' for the second.")
+        return by_stretch(values, 2, lambda part, place: (rate := np.diff(part) / np.diff(t[place]))[[*range(len(rate)), -1]])
     if method == "savgol":
         period = uniform_period(recording, step)
         width = require_odd(window, step, 3)

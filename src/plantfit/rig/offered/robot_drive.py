@@ -95,8 +95,8 @@ file = {file}
 clean = [
     {{ step = "counts_to_angle", signal = "N_left", name = "turned_left", counts = {pulses}, ratio = {gear!r} }},
     {{ step = "counts_to_angle", signal = "N_right", name = "turned_right", counts = {pulses}, ratio = {gear!r} }},
-    {{ step = "differentiate", signal = "turned_left", name = "w_left", method = "central" }},
-    {{ step = "differentiate", signal = "turned_right", name = "w_right", method = "central" }},
+    {{ step = "differentiate", signal = "turned_left", name = "w_left", method = "forward" }},
+    {{ step = "differentiate", signal = "turned_right", name = "w_right", method = "forward" }},
 ]
 
 [model]
@@ -108,7 +108,6 @@ x_camera = x
 y_camera = y
 \"\"\"
 inputs = {{ w_left = "rad/s", w_right = "rad/s" }}
-hold = {{ w_left = "linear", w_right = "linear" }}
 # the counts begin with a part of a slot, which shows as a pose at the start
 states = {{ x = {{ unit = "m", initial = "x0" }}, y = {{ unit = "m", initial = "y0" }}, \
 heading = {{ unit = "rad", initial = "heading0" }} }}

@@ -39,15 +39,19 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += looks_of_packages(recording, signal, measured)
         found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
         found += _times(problem, recording)
-        found += _start(problem, model, recording)
+        if not any(_steps_at_start(e, model, u) for u in e.before):
+            found += _start(problem, model, recording)
     return found
 
 
 def _stepped(e: Experiment, model: Model, look: Look) -> bool:
-    """Whether an input that never moves was another before the record: it begins with a step."""
-    if look.kind != "constant" or look.signal is None or look.signal not in e.before:
-        return False
-    return before_in_units(e.recording, e.before, model.inputs)[look.signal] != look.figures["value"]
+    """Whether an input that never moves was another before the record."""
+    return look.kind == "constant" and look.signal is not None and _steps_at_start(e, model, look.signal)
+
+
+def _steps_at_start(e: Experiment, model: Model, u: str) -> bool:
+    """Whether the record begins with a step of this input."""
+    return u in e.before and before_in_units(e.recording, e.before, model.inputs)[u] != e.recording[u][0]
 
 
 def _moves(y: np.ndarray) -> bool:
