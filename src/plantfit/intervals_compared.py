@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.io import netcdf_file
 from scipy.special import ndtri
 
 import plantfit.runtime  # noqa: F401
@@ -17,6 +16,7 @@ from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
+from plantfit.trust.intervals.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles
 from plantfit.trust.intervals.kinds.noise import noise_of
 from plantfit.trust.intervals.kinds.posterior import CHAINS, Draws, need_blackjax, posterior
@@ -62,21 +62,15 @@ class IntervalsCompared:
         return pl.DataFrame(rows, schema_overrides={"unit": pl.String, "low": pl.Float64, "high": pl.Float64})
 
     def save_draws(self, path: str | Path) -> Path:
-        """Write the posterior's draws as netCDF 3 with dimensions chain and draw, which xarray and ArviZ open.
+        """Write the posterior's draws as netCDF with the groups that ArviZ opens, and xarray.
 
-        Raises PlantfitError where there is no posterior.
+        Raises PlantfitError where there is no posterior, MissingExtra where h5netcdf is not installed.
         """
         if self.draws is None:
             raise PlantfitError("There are no draws to save; ask for the posterior.")
-        values, space = self.draws.values, self.answer.problem.space
-        with netcdf_file(str(path), "w") as file:
-            file.createDimension("chain", values.shape[0])
-            file.createDimension("draw", values.shape[1])
-            for k, c in enumerate(space.coordinates):
-                variable = file.createVariable(c.name, "d", ("chain", "draw"))
-                variable[:] = values[:, :, k]
-                variable.units = c.unit or "1"
-            file.createVariable("lp", "d", ("chain", "draw"))[:] = self.draws.log_density
+        stats = {"lp": self.draws.log_density, "diverging": self.draws.diverging.astype(np.int8)}
+        drawn = Drawn(self.draws.values, stats, "The posterior, by NUTS.")
+        Path(path).write_bytes(netcdf_of(self.answer.problem, drawn, self.answer.score("fit"), self.record["seed"]))
         return Path(path)
 
     def report(self, path: str | Path) -> Path:
@@ -143,7 +137,7 @@ def compare_intervals(
         "parameters": [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused) for i in places],
         "bootstrap": None if found is None else _bootstrap_record(answer, found, replicates),
         "posterior": None if drawn is None else {
-            "chains": chains, "draws": draws, "orders": orders, "diverged": drawn.diverged,
+            "chains": chains, "draws": draws, "orders": orders, "diverged": int(drawn.diverging.sum()),
             "priors": {space.names[k]: list(p) for k, p in given.items()},
             "r_hat": {space.names[i]: float(drawn.r_hat[i]) for i in range(space.dimension)},
             "effective": {space.names[i]: float(drawn.effective[i]) for i in range(space.dimension)},

@@ -228,6 +228,27 @@ def factor(source: "str | pint.Unit", target: "str | pint.Unit") -> float:
     return factor_offset(a, b)[0]
 
 
+def si_base(unit: "str | pint.Unit") -> tuple[float, float, dict[str, int]] | None:
+    """(factor, offset, powers by symbol): value in kg, m, s, A, K, mol, cd and rad = factor * value + offset. None for a unit that is not
+    made of whole powers of these, or not known."""
+    try:
+        parsed = parse(unit)
+        size = registry().Quantity(1.0, _difference(parsed)).to_root_units()
+        offset = float(registry().convert(0.0, parsed, "kelvin")) if _has_offset(parsed) else 0.0
+    except Exception:  # pint raises many kinds on units that do not convert, as two offsets in one
+        return None
+    powers = {name: power for name, power in size.units._units.items() if name not in ("count", "bit")}
+    if any(name not in _SI or power != int(power) for name, power in powers.items()):
+        return None
+    factor = float(size.magnitude) * 1e-3 ** powers.get("gram", 0)
+    return factor, offset, {_SI[name]: int(power) for name, power in powers.items()}
+
+
+_SI = {
+    "gram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
+}  # fmt: skip
+
+
 def quantity(text: str) -> tuple[float, str]:
     """Number and unit of a text such as "20 degC"; raises UnitError for other texts."""
     found = _QUANTITY.fullmatch(text)

@@ -7,69 +7,16 @@ import json
 import re
 import shutil
 import subprocess
+import xml.etree.ElementTree as ET
+import zipfile
 
 import numpy as np
 import pytest
+from plants import same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
 from plantfit.errors import ModelError, SimulationError, StoreError
-
-HEATER = "x' = (K*delay(u, L) + T0 - x)/tau\nT = x"
-ARM = "w' = (gain*delay(u, L) - drag*w*abs(w) - rub*tanh(w/3))/inertia\na' = w\ny = w + 0.01*a\nz = exp(-abs(a)/50)*sin(a) + max(w, -1)"
-
-
-def answered(text, truth, states, outputs, end, count=96):
-    """A fit to a noisy simulation whose input jumps at uneven times; the samples are not whole parts of the dead time."""
-    rng = np.random.default_rng(4)
-    t = np.linspace(0, end, count)
-    u = np.repeat(rng.uniform(-2, 3, count // 8), 8)
-    model = pf.equations(text, inputs=["u"], states=states, outputs=outputs, parameters=list(truth), name="plant")
-    blank = pf.from_arrays(t, signals={"u": u, **{n: 0.0 * t for n in outputs}})
-    bounds = {n: pf.Parameter((0.5 * v, 1.6 * v)) for n, v in truth.items()}
-    clean = pf.Problem(model, blank, bounds, scales=dict.fromkeys(outputs, 1.0))
-    y = clean.predict(np.array(list(truth.values())))
-    noisy = {n: v + rng.normal(0, 0.01 * np.ptp(v), count) for n, v in y.items()}
-    for n in outputs:
-        noisy[n][0] = y[n][0]
-    problem = pf.Problem(model, pf.from_arrays(t, signals={"u": u, **noisy}), bounds, scales=dict.fromkeys(outputs, 1.0))
-    return pf.fit(problem, budget=600, seed=1)
-
-
-@pytest.fixture(scope="module")
-def heater():
-    return answered(HEATER, {"K": 0.8, "T0": 21.0, "tau": 12.0, "L": 1.37}, {"x": {"initial": 20.0}}, ["T"], 80.0)
-
-
-@pytest.fixture(scope="module")
-def arm():
-    truth = {"gain": 3.0, "drag": 0.05, "rub": 0.4, "inertia": 0.7, "L": 0.23}
-    return answered(ARM, truth, {"w": {"initial": 0.5}, "a": {"initial": 0.1}}, ["y", "z"], 20.0)
-
-
-@pytest.fixture(params=["heater", "arm"])
-def answer(request):
-    return request.getfixturevalue(request.param)
-
-
-def series(answer):
-    (experiment,) = answer.problem.experiments.values()
-    return np.asarray(experiment.recording.t), {n: np.asarray(experiment.recording[n]) for n in answer.problem.model.inputs}
-
-
-def fine(answer, factor=1.0):
-    """plantfit's own simulation by steps so short that their error is far below 1e-6; the fit's steps were chosen by the noise."""
-    problem = answer.problem
-    (experiment,) = problem.experiments.values()
-    own = pf.Problem(
-        problem.model, experiment.recording, problem.space.parameters, scales=dict.fromkeys(problem.outputs, 1.0), substeps=150
-    )
-    return own.predict(factor * np.array(list(answer.values.values())))
-
-
-def same(found, answer, tolerance=1e-6, factor=1.0):
-    for name, y in fine(answer, factor).items():
-        assert np.max(np.abs(np.asarray(found[name]) - y)) <= tolerance * np.ptp(y), name
 
 
 def loaded(path):
@@ -181,8 +128,8 @@ def test_csv_holds_the_simulation(heater, tmp_path):
 
 
 def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
-    with pytest.raises(ModelError, match="no target 'fmu' to export to; there are python, c, casadi"):
-        export_plant(heater, "fmu", tmp_path)
+    with pytest.raises(ModelError, match="no target 'sbml' to export to; there are python, c, casadi"):
+        export_plant(heater, "sbml", tmp_path)
     with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices are exported of single loops"):
         export_plant(arm, "control", tmp_path)
 
@@ -199,6 +146,18 @@ def test_a_file_of_the_user_is_not_replaced(heater, tmp_path):
         assert len(files) == 1 or files[0].read_bytes() == first
 
 
+def texts_of(files):
+    """Texts of files, and of those in an archive."""
+    found = []
+    for file in files:
+        if file.suffix == ".fmu":
+            with zipfile.ZipFile(file) as archive:
+                found += [archive.read(n).decode() for n in archive.namelist() if not n.startswith("binaries")]
+        elif file.suffix not in (".mat", ".nc"):
+            found.append(file.read_text("utf-8"))
+    return found
+
+
 HOSTILE = ['"""\nimport os; os.abort()\n"""', "*/\nint main(void) { abort(); }\n/*", "'\nexit\n%", "a\\", "\u2028\r\nabort()", "{p}"]
 
 
@@ -207,13 +166,14 @@ def test_names_of_users_stay_in_comments(heater, name, tmp_path):
     (given,) = heater.problem.experiments.values()
     problem = pf.Problem(heater.problem.model, {name: given.recording}, heater.problem.space.parameters, name=name)
     hostile = pf.fit(problem, budget=300, seed=1)
-    texts = {to: [f.read_text("utf-8") for f in export_plant(hostile, to, tmp_path, name="plant") if f.suffix != ".mat"] for to in TARGETS}
+    texts = {to: texts_of(export_plant(hostile, to, tmp_path, name="plant")) for to in TARGETS}
     for to in ("python", "casadi", "control"):
         tree = ast.parse(texts[to][0])
         assert not {"abort", "os", "exit"} & {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
         assert not {"os"} & {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
-    for text in texts["c"]:
+    for text in texts["c"] + texts["fmu"][1:]:
         bare = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
         assert "abort" not in bare
         assert "*/" not in bare
     assert all(line.startswith(("%", "plant = ", "sys = ", "sys.InputName", "step(")) for line in texts["matlab"][0].splitlines())
+    assert ET.fromstring(texts["fmu"][0]).get("modelName") == " ".join("".join(c if c.isprintable() else " " for c in name).split())

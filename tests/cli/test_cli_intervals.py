@@ -3,9 +3,9 @@
 import json
 import sys
 
+import h5netcdf
 import pytest
 from cli_call import call, heater
-from scipy.io import netcdf_file
 
 TRUTH = {"K": 0.8, "T0": 21.0, "tau": 40.0, "L": 3.4}
 
@@ -24,9 +24,10 @@ def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
     assert "4 chains of 500 draws" in said.out
     page = (place / "heater-intervals.html").read_text()
     assert "Profile and draws of tau" in page
-    with netcdf_file("draws.nc", mmap=False) as file:
-        assert file.variables["tau"].units == b"s"
-        assert file.variables["tau"].shape == (4, 500)
+    with h5netcdf.File("draws.nc", "r") as file:
+        assert file["posterior"]["tau"].attrs["units"] == "s"
+        assert file["posterior"]["tau"].shape == (4, 500)
+        assert file["sample_stats"]["diverging"].shape == (4, 500)
 
     words = ("intervals", "heater.toml", "--only", "tau,L", "--json")
     record = json.loads(call(capsys, monkeypatch, *words).out)

@@ -1,4 +1,4 @@
-"""An identified plant for other programs: python-control, CasADi, C, MATLAB, plain Python, CSV."""
+"""An identified plant for other programs: python-control, CasADi, C, MATLAB, FMI, ArviZ, plain Python, CSV."""
 
 from typing import TYPE_CHECKING
 

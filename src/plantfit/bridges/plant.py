@@ -83,12 +83,16 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     if model.initial_state is not None:
         x0 = {n: float(v) for n, v in model.initial_state(p, first, seen).items()}
     before = {**first, **before_in_units(own, experiment.before, {**model.inputs})}
-    word = re.sub(r"\W", "_", name or problem.name, flags=re.ASCII).strip("_") or "plant"
-    word = word if word[0].isalpha() else f"p_{word}"
     simulator = problem.predictor.simulator
     straight = simulator.interpolated if simulator is not None else ()
     hold = {n: "linear" if n in straight else "previous" for n in model.inputs}
-    return Plant(word, vectorise(model), model, p, x0, hold, before, np.asarray(own.t), inputs, answer, recording)
+    return Plant(word_of(name or problem.name), vectorise(model), model, p, x0, hold, before, np.asarray(own.t), inputs, answer, recording)
+
+
+def word_of(name: str) -> str:
+    """A name as a word that every language takes."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "plant"
+    return word if word[0].isalpha() else f"p_{word}"
 
 
 def one_line(text: str) -> str:

@@ -45,6 +45,10 @@ def intervals(
         wanted.append("posterior")
     share = fraction("--level", level)
     priors = texts_by_name("--prior", prior or [])
+    if save_draws:
+        from plantfit.trust.intervals.inference_data import need_h5netcdf
+
+        need_h5netcdf()
     if save_draws and (Path(save_draws).exists() or not Path(save_draws).absolute().parent.is_dir()):
         what = "is there already" if Path(save_draws).exists() else "cannot be written, because its folder does not exist"
         raise StoreError(f"{save_draws} {what}; give another place with --save-draws.")

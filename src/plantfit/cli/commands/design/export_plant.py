@@ -13,7 +13,7 @@ def export(
     study: Annotated[
         str | None, typer.Argument(help="The study file (TOML) whose plant is exported; a number of `plantfit list` without --to.")
     ] = None,
-    to: Annotated[str | None, typer.Option("--to", help="python, c, casadi, control, matlab or csv.")] = None,
+    to: Annotated[str | None, typer.Option("--to", help="python, c, casadi, control, matlab, csv, fmu or arviz.")] = None,
     recording: Annotated[
         str | None, typer.Option("--recording", help="Whose first values the plant begins at; the first recording if left out.")
     ] = None,

@@ -27,14 +27,14 @@ LOGISTIC = 0.3  # precision of a logistic variable: what flat priors are on the 
 
 @dataclass(frozen=True)
 class Draws:
-    """`values` (chains, draws, d) in the parameters' units, with R-hat and effective sample size (d,) and the share of trajectories
-    that diverged."""
+    """`values` (chains, draws, d) in the parameters' units, with R-hat and effective sample size (d,) and which trajectories diverged
+    (chains, draws)."""
 
     values: np.ndarray
     log_density: np.ndarray
     r_hat: np.ndarray
     effective: np.ndarray
-    diverged: int
+    diverging: np.ndarray
 
 
 def need_blackjax() -> None:
@@ -96,9 +96,7 @@ def posterior(
     values = np.asarray(problem.space.physical(cube.reshape(-1, len(z)))).reshape(cube.shape)
     half = draws // 2
     split = np.concatenate([u[:, :half], u[:, half : 2 * half]])  # halves of chains: a drift within one shows too
-    return Draws(
-        values, log_density, np.asarray(potential_scale_reduction(split)), np.asarray(effective_sample_size(split)), int(diverged.sum())
-    )
+    return Draws(values, log_density, np.asarray(potential_scale_reduction(split)), np.asarray(effective_sample_size(split)), diverged)
 
 
 def _density(
