@@ -1,6 +1,8 @@
 """How often what is called determined holds the truth: many fits of small rigs with known truth.
 
-    python -m benchmarks.coverage --fits 300 --rigs product sum step --workers 2
+    python -m benchmarks.coverage --fits 300 --rigs product sum PRBS --workers 2 --rows fits.jsonl
+
+Fits are kept in the file as they come, and those that it has are not made again: stop it at any time, and give larger numbers later.
 
 For every parameter of every rig: in how many fits it is called determined, how often its stated 95 % interval then holds the truth, with
 the 99.9 % band of the binomial over all by Holm, and the median width over that of the Cramer-Rao bound. "closed form" says what theory
@@ -9,8 +11,9 @@ determines; it should be called so in 95 %.
 
 import argparse
 import json
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,6 +23,7 @@ from scipy.signal import lfilter
 from scipy.stats import binomtest
 
 LEVEL, BAND = 0.95, 0.001
+TOGETHER = 10  # fits that are made at a time
 AROUND = 0.5  # standard deviation of the logarithm by which starts are moved off the truth
 
 
@@ -50,13 +54,15 @@ def _prbs(n: int, hold: int, seed: int) -> np.ndarray:
     return np.repeat(np.where(np.random.default_rng(seed).uniform(size=n // hold + 1) > 0.5, 1.0, -1.0), hold)[:n]
 
 
-def _static(text, names, log=True, low=1e-3, high=1e3, n=200):
+def _static(text, names, log=True, low=1e-3, high=1e3, n=200, period=1.0):
     def make():
         from plantfit import Parameter, equations
 
         x = np.linspace(0.05, 4.0, n)
         model = equations(text, inputs=["x"], outputs=["y"], parameters=names, name="curve")
-        return _problem(model, np.arange(n) * 1.0, {"x": x}, {k: Parameter((low, high), scale="log" if log else "linear") for k in names})
+        return _problem(
+            model, np.arange(n) * period, {"x": x}, {k: Parameter((low, high), scale="log" if log else "linear") for k in names}
+        )
 
     return make
 
@@ -94,6 +100,7 @@ MOTOR = {"Rm": 1.5, "Lm": 2e-3, "Kb": 0.09, "Kt": 0.09, "Jm": 5e-4, "Cm": 1e-4, 
 PROCESS = {"K": 2.0, "tau": 2.0, "c": 1.0}
 RIGS = {
     "line": Rig(_static("y = a*x + b", ["a", "b"]), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05),
+    "line, correlation 0.8": Rig(_static("y = a*x + b", ["a", "b"], period=0.1), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05, 0.8),
     "product": Rig(_static("y = a*b*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "sum": Rig(_static("y = (a + b)*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "two exponentials": Rig(
@@ -219,23 +226,49 @@ def report(rows: Sequence[Mapping]) -> str:
     return "\n".join(lines)
 
 
+def kept(file: Path | None) -> dict[str, dict[int, dict]]:
+    """The fits of each rig by seed that a file of rows has."""
+    result: dict[str, dict[int, dict]] = {}
+    for line in file.read_text().splitlines() if file and file.exists() else ():
+        row = json.loads(line)
+        result.setdefault(row["rig"], {})[row["seed"]] = row["fit"]
+    return result
+
+
+def _made(missing: Sequence[tuple[str, int]], workers: int) -> Iterator[tuple[str, int, dict]]:
+    """Fits of (rig, seed), a few at a time, as they come."""
+    parts = []
+    for name in dict.fromkeys(n for n, _ in missing):
+        own = [s for n, s in missing if n == name]
+        parts += [(name, own[k : k + TOGETHER]) for k in range(0, len(own), TOGETHER)]
+    if workers == 1:
+        for name, seeds in parts:
+            print(f"{name}: {seeds[0]} to {seeds[-1]}", file=sys.stderr, flush=True)
+            yield from zip([name] * len(seeds), seeds, fits(name, seeds), strict=True)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(fits, name, seeds): (name, seeds) for name, seeds in parts}
+        for done in as_completed(waiting):
+            name, seeds = waiting[done]
+            yield from zip([name] * len(seeds), seeds, done.result(), strict=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fits", type=int, default=100)
+    parser.add_argument("--fits", type=int, default=0)
     parser.add_argument("--rigs", nargs="*", default=list(RIGS), choices=list(RIGS))
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--json", type=Path, default=None, help="where the rows are kept")
+    parser.add_argument("--rows", type=Path, default=None, help="where fits are kept, one line each; without --fits, only the table of it")
     options = parser.parse_args()
-    rows: list[dict] = []
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-        for name in options.rigs:
-            parts = np.array_split(np.arange(1, options.fits + 1), options.workers)
-            found = [f for part in pool.map(fits, [name] * len(parts), [p.tolist() for p in parts]) for f in part]
-            rows += table(name, found)
-            print(f"{name}: {len(found)} fits", flush=True)
-            holm(rows)
-            if options.json:  # what is done stays when the next rig takes long
-                options.json.write_text(json.dumps(rows, indent=1))
+    found = kept(options.rows)
+    missing = [(n, s) for n in options.rigs for s in range(1, options.fits + 1) if s not in found.get(n, {})]
+    for name, seed, fit in _made(missing, options.workers):
+        found.setdefault(name, {})[seed] = fit
+        if options.rows:
+            with options.rows.open("a") as file:
+                file.write(json.dumps({"rig": name, "seed": seed, "fit": fit}) + "\n")
+    rows = [row for name in options.rigs if name in found for row in table(name, [found[name][s] for s in sorted(found[name])])]
+    holm(rows)
     print(report(rows))
 
 

@@ -69,7 +69,8 @@ class Problem:
 
     `standard_errors` "robust" allows for residuals that are correlated in time and of different sizes; "classical" takes them as
     independent and of one size, as textbooks on regression do. By default a model without time (no states, no delays) has classical
-    ones, for its rows are not samples, and every other model robust ones.
+    ones, for its rows are not samples, unless rows have times (a column of time, or other than 0, 1, 2, ..) and correlated residuals; every
+    other model has robust ones.
 
     `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed copy. A problem
     can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and SimulationError for what contradicts
@@ -244,7 +245,7 @@ class Problem:
 
     @property
     def robust(self) -> bool:
-        """Whether standard errors allow for residuals that are correlated in time (see `standard_errors`)."""
+        """Whether standard errors allow for residuals that are correlated in time, as asked or by the model alone (`standard_errors`)."""
         return self.in_time if self.standard_errors is None else self.standard_errors == "robust"
 
     @cached_property

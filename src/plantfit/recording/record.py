@@ -22,7 +22,8 @@ class Signal:
 class Recording:
     """Signals sampled together at times `t` (n,) in seconds, strictly increasing.
 
-    `log` tells every step from the file to these values, one sentence each.
+    `log` tells every step from the file to these values, one sentence each; `clocked` that times are those of a column, also where they
+    look like numbers of rows.
     The arrays are copies and read-only; every cleaning step returns a new recording. Raises RecordingError for times that do not
     increase and signals of other lengths.
     """
@@ -31,6 +32,7 @@ class Recording:
     signals: Mapping[str, Signal]
     name: str = "recording"
     log: tuple[str, ...] = ()
+    clocked: bool = False
 
     def __post_init__(self) -> None:
         t = np.array(self.t, dtype=float)
@@ -64,7 +66,7 @@ class Recording:
         return recording_text(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Recording, (self.t, dict(self.signals), self.name, self.log)
+        return Recording, (self.t, dict(self.signals), self.name, self.log, self.clocked)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of a signal."""

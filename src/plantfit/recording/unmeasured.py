@@ -20,4 +20,4 @@ def unmeasured(recording: Recording, names: Sequence[str]) -> Recording:
             )
     missing = {name: Signal(np.full(len(recording.t), np.nan), None) for name in names}
     log = [f"{name}: not measured here." for name in names]
-    return Recording(recording.t, {**recording.signals, **missing}, recording.name, (*recording.log, *log))
+    return Recording(recording.t, {**recording.signals, **missing}, recording.name, (*recording.log, *log), recording.clocked)

@@ -74,7 +74,7 @@ def assess(
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,
-        standard_errors=StandardErrors(kind="robust" if problem.robust else "classical", in_time=problem.in_time),
+        standard_errors=StandardErrors(kind="robust" if local.robust else "classical", in_time=problem.in_time),
         tables=table_rows(problem, rows, visits),
         smoothing=smoothing_rows(problem, local),
         combinations=_combinations(local, rows),

@@ -172,4 +172,4 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
         if factor != 1.0 or offset != 0.0:
             signals[name] = Signal(signals[name].values * factor + offset, unit)
             log.append(f"{name}: converted from {have} to {unit}.")
-    return Recording(recording.t, signals, recording.name, tuple(log))
+    return Recording(recording.t, signals, recording.name, tuple(log), recording.clocked)

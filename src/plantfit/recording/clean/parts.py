@@ -46,9 +46,9 @@ def shift_time(recording: Recording, seconds: float | None = None) -> Recording:
     if not np.isfinite(by):
         raise RecordingError(f"shift_time: seconds is {seconds!r}; give a finite number.")
     sentence = f"All {len(recording)} times were shifted by {by:g} s."
-    return Recording(recording.t + by, recording.signals, recording.name, (*recording.log, sentence))
+    return Recording(recording.t + by, recording.signals, recording.name, (*recording.log, sentence), recording.clocked)
 
 
 def _rows(recording: Recording, keep: np.ndarray, name: str, sentence: str) -> Recording:
     signals = {key: Signal(signal.values[keep], signal.unit) for key, signal in recording.signals.items()}
-    return Recording(recording.t[keep], signals, name, (*recording.log, sentence))
+    return Recording(recording.t[keep], signals, name, (*recording.log, sentence), recording.clocked)

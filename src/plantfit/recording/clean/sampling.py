@@ -40,7 +40,7 @@ def signal_of(recording: Recording, name: str) -> Signal:
 def with_signal(recording: Recording, name: str, values: np.ndarray, unit: str | None, sentence: str) -> Recording:
     """The recording with one signal replaced or added, and a sentence in its log."""
     signals = {**recording.signals, name: Signal(values, unit)}
-    return Recording(recording.t, signals, recording.name, (*recording.log, sentence))
+    return Recording(recording.t, signals, recording.name, (*recording.log, sentence), recording.clocked)
 
 
 def with_new(recording: Recording, name: str, values: np.ndarray, unit: str | None, sentence: str, step: str) -> Recording:

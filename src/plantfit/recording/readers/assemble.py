@@ -52,7 +52,8 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
     signals = {name: Signal(array, units[name]) for name, array in values.items()}
     name = options.get("name") or table.source
-    return Recording(t, signals, name, (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s."))
+    told = (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s.")
+    return Recording(t, signals, name, told, time_column is not None)
 
 
 def _check_options(table: Table, options: Options) -> None:

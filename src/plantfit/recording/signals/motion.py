@@ -48,4 +48,4 @@ def smooth_motion(
     signals = {**recording.signals}
     for name, unit, column in ((velocity, rate, 1), (acceleration, None if rate is None else per_second(rate), 2)):
         signals[name] = type(source)(states[:, column], unit)
-    return Recording(recording.t, signals, recording.name, recording.log)
+    return Recording(recording.t, signals, recording.name, recording.log, recording.clocked)

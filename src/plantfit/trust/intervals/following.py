@@ -22,6 +22,9 @@ LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allo
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
 WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
 BETWEEN = 6  # places between the ends of a wide range that are looked at
+FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
+BEYOND = 1.5  # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
+OPENS = 2.5  # times as far a range may reach there before it is taken to open
 FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 
@@ -58,8 +61,9 @@ class Followed:
         space = problem.space
         self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
         self.lower, self.upper, self.slopes = space.lower, space.upper, space.slopes(self.z)
+        self.times = 1.0  # the threshold, how much an answer may cost
         self.met: list[np.ndarray] = []
-        self.growths: dict[bytes, float] = {}  # of the sum of squares over the variance, at every point that a refit ended at
+        self.growths = {self.z.tobytes(): 0.0}  # of the sum of squares over the variance, at every point that a refit ended at
 
     def range(self, i: int) -> Range:
         """The range of coordinate i."""
@@ -69,8 +73,12 @@ class Followed:
 
     def narrow(self, i: int, found: Range) -> bool:
         """Whether a range is short beside the value."""
+        return self._reach(i, found) <= WIDE * float(self.linear.size[i])
+
+    def _reach(self, i: int, found: Range) -> float:
+        """How far a range goes from the value at most."""
         value = float(self.linear.values[i])
-        return max(found.high - value, value - found.low) <= WIDE * float(self.linear.size[i])
+        return max(found.high - value, value - found.low)
 
     def look_between(self, i: int, found: Range) -> None:
         """Refits at places between the ends of a wide range of coordinate i, and what they met.
@@ -88,21 +96,37 @@ class Followed:
                 found.points.append(place.point)
 
     def go_on(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
-        """Follow coordinate i further, twice as far each time, from points that cost as little as the answer, and keep what is met."""
-        self.left = max(self.left, 2 * len(starts) * STEPS)
+        """Follow coordinate i beyond its range from points `starts` (d,) that cost as little as the answer, and keep what is met."""
+        self.met, self.left = [], max(self.left, 8 * STEPS)
         for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
             for start in starts:
-                at = self._cube(i, found.low if sign < 0 else found.high, edge)
-                for _ in range(PROBES):
-                    at = float(np.clip(self.z[i] + 2.0 * (at - self.z[i]), 0.0, 1.0))
-                    place = None if at == self.z[i] or self.left <= 0 else self._grown(i, at, start)
-                    if place is None or place.share > 1.0:
-                        break
-                    found.points.append(place.point)
-                    start, value = place.point, self._value(i, at)
-                    found.low, found.high = min(found.low, value), max(found.high, value)
-                    if at in (0.0, 1.0):
-                        break
+                end = found.low if sign < 0 else found.high
+                last = self._cube(i, end, edge)
+                at = float(np.clip(self.z[i] + FURTHER * (last - self.z[i]), 0.0, 1.0))
+                if at == last or not np.isfinite(end) or self.left <= 0:
+                    break
+                place = self._grown(i, at, self._predicted(i, self._place(i, start), at))
+                if place is None or place.share > 1.0:
+                    continue
+                self.met.append(place.point)
+                self.left = max(self.left, 2 * STEPS)
+                end = self._march(i, sign, place, self._next(self.z[i], edge, place, None), None, end, on=True)
+                found.low, found.high = min(found.low, end), max(found.high, end)
+        found.points.extend(self.met)
+
+    def look_beyond(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
+        """Widen a narrow range to that of three standard errors where a valley opens just beyond it.
+
+        One answer in twenty has the truth beyond its range. If the range is short only because it ends before the valley, these are the
+        answers that would be called determined.
+        """
+        self.times = BEYOND**2
+        beyond = Range(found.low, found.high)
+        self.go_on(i, beyond, starts)
+        self.times = 1.0
+        wide, known = WIDE * float(self.linear.size[i]), self._reach(i, found)
+        if self._reach(i, beyond) > max(wide, min(BEYOND * wide, OPENS * known)):
+            found.low, found.high = beyond.low, beyond.high
 
     def _end(self, i: int, sign: float) -> float:
         """Where the range of coordinate i ends to one side, in its unit."""
@@ -110,14 +134,24 @@ class Followed:
         end = float(self.linear.values[i] + sign * step * self.linear.size[i])
         if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
             end = float(self.limits[i][1 if sign > 0 else 0])  # where nothing can be simulated the linear problem is not followed far
-        here, edge = float(self.z[i]), 0.0 if sign < 0 else 1.0
-        if abs(edge - here) <= EDGE or step == 0.0:
+        edge = 0.0 if sign < 0 else 1.0
+        if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
             return end
+        here = Place(float(self.z[i]), 0.0, self.z, *self.first)
         if self.left <= 0:
-            return self._unstopped(i, sign, Place(here, 0.0, self.z, *self.first), end)
-        inside, outside = Place(here, 0.0, self.z, *self.first), None
-        at, start = self._cube(i, end, edge), self._point(x)
+            return self._unstopped(i, sign, here, end)
+        return self._march(i, sign, here, self._cube(i, end, edge), self._point(x), end)
+
+    def _march(self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False) -> float:
+        """Where the range ends, from a place `inside` of it: `at` is tried first, from `start` (d,) if given; `end` is known so far.
+
+        `on`: from elsewhere, where `at` is no end of the linear problem; refits that succeed are not counted then.
+        """
+        here, edge, outside = float(self.z[i]), 0.0 if sign < 0 else 1.0, None
+        if at == inside.at:
+            return self._beyond(i, sign, inside.share, end)
         for probe in range(PROBES):
+            left = self.left
             found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start)
             if found is None or (found.share > 1.0 and not found.settled):  # too far for one refit
                 if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
@@ -125,13 +159,13 @@ class Followed:
                 at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
                 continue
             if found.share <= 1.0:
-                inside = found
+                inside, self.left = found, left if on else self.left
                 self.met.append(found.point)
             elif found.leans:
                 return self._unstopped(i, sign, inside, end)  # the bound may hold what the data do not
             else:
                 outside = found
-            if probe == 0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
+            if probe == 0 and not on and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
                 return end
             if at == edge and found.share <= 1.0:
                 return self._beyond(i, sign, found.share, end)
@@ -199,11 +233,16 @@ class Followed:
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
 
+    def _place(self, i: int, point: np.ndarray) -> Place:
+        """A point (d,) that was met, with what is known there."""
+        self.left -= 1
+        return Place(float(point[i]), self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]), point, *self._rows(point))
+
     def _grown(self, i: int, at: float, start: np.ndarray) -> "Place | None":
         """The others fitted anew with coordinate i held, from `start` (d,); None where it cannot be simulated."""
         point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
         point[i] = at
-        top = self.linear.threshold[i] * self.linear.variance
+        top = self.times * self.linear.threshold[i] * self.linear.variance
         whole: dict[str, np.ndarray] = {}
 
         def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -235,7 +274,7 @@ class Followed:
                 break
         point[places] = block.x
         share = (block.cost - self.least) / top
-        self.growths[point.tobytes()] = float(share) * float(self.linear.threshold[i])
+        self.growths[point.tobytes()] = float(share) * top / self.linear.variance
         return Place(at, float(share), point, block.residuals, whole["kept"], settled, self._leans(places, block, top))
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -286,16 +325,42 @@ def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: floa
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
     found = {i: walk.range(i) for i in range(d)}
-    open_ones = [i for i in found if not walk.narrow(i, found[i])]
-    if len(open_ones) < d:  # else there is nothing that might be called determined
-        for i in open_ones:
+    seen: set[int] = set()
+    while True:
+        _joined(problem, walk, found)
+        open_ones = [i for i in found if not walk.narrow(i, found[i])]
+        new = [i for i in open_ones if i not in seen]
+        if not new or len(open_ones) == d:  # nothing has changed, or nothing is left that might be called determined
+            break
+        for i in new:
             walk.look_between(i, found[i])
-        starts = [z for i in open_ones for z in found[i].points]
-        starts = [starts[k] for k in np.unique(np.linspace(0, len(starts) - 1, FRESH).astype(int))] if starts else []
-        for i in set(found) - set(open_ones):
-            walk.go_on(i, found[i], starts)
-    _joined(problem, walk, found)
+        seen.update(new)
+        met = [z for i in open_ones for z in found[i].points]
+        for i in sorted(set(found) - set(open_ones)):
+            walk.go_on(i, found[i], _starts(met, i))
+    if open_ones:
+        for i in sorted(set(found) - set(open_ones)):
+            walk.look_beyond(i, found[i], _starts([walk.z, *(z for own in found.values() for z in own.points)], i))
     return found
+
+
+def _starts(met: Sequence[np.ndarray], i: int) -> list[np.ndarray]:
+    """The two of the points (d,) that are farthest along coordinate i, and `FRESH` far from each other."""
+    ends = [choose(met, key=lambda z: float(z[i])) for choose in (min, max)] if met else []
+    return ends + [z for z in _far_apart(met, FRESH) if not any(z is e for e in ends)]
+
+
+def _far_apart(met: Sequence[np.ndarray], most: int) -> list[np.ndarray]:
+    """The first of the points (d,) and those farthest from all that were taken before."""
+    if not met:
+        return []
+    points = np.array(met)
+    chosen = [0]
+    distance = np.max(np.abs(points - points[0]), axis=1)
+    while len(chosen) < most and np.max(distance) > 0.0:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.max(np.abs(points - points[chosen[-1]]), axis=1))
+    return [met[k] for k in chosen]
 
 
 def _joined(problem: Problem, walk: Followed, found: Mapping[int, Range]) -> None:

@@ -14,6 +14,7 @@ from plantfit.trust.identify.directions import Direction, flat_directions
 from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import Linear, linear_problem, plain_space
+from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
@@ -28,7 +29,7 @@ class Local:
     limits, also one that a bound holds, and no box makes errors smaller. Problems with tables or with more than 60 coordinates have none;
     their covariance takes the box as prior.
     `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
-    residual depends on it at all.
+    residual depends on it at all. `robust`: whether the covariance allows for residuals that are correlated in time.
     """
 
     values: np.ndarray
@@ -39,6 +40,7 @@ class Local:
     effective: np.ndarray
     touched: np.ndarray
     linear: Linear | None = None
+    robust: bool = True
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
@@ -51,11 +53,12 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     free = ~((lower & _physical(space, 0)) | (upper & _physical(space, 1)))  # a bound of the search holds nothing
     values, slope = np.asarray(space.physical(z)), space.slopes(z)
     linear, begins = None, first_value_effects(problem, z, blocks)
+    robust = robust_errors(problem, residuals, blocks)
     if plain_space(problem):
-        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, begins=begins)
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, robust, begins=begins)
         physical = linear.spread * linear.size[:, None] * linear.size[None, :]
     else:
-        cube = covariance(jacobian, residuals, blocks, free, smoothing, problem.robust, begins)
+        cube = covariance(jacobian, residuals, blocks, free, smoothing, robust, begins)
         physical = cube * slope[:, None] * slope[None, :]
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
@@ -69,7 +72,7 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     known[on] = effective
     return Local(
         values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0),
-        linear,
+        linear, robust,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from plantfit.trust.intervals.covariance import box_prior, covariance, normal_ma
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.linearised import EDGE, linearise, residual_blocks
 from plantfit.trust.intervals.ranges import linear_problem, plain_space
+from plantfit.trust.intervals.robust_or_classical import robust_errors
 from plantfit.trust.stated_errors.shared_error import SharedError as SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY
 
@@ -203,11 +204,12 @@ def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np
     if smoothing is not None:
         hessian = hessian + smoothing / variance
     plain, begins = np.linalg.inv(hessian + box_prior(hessian)), first_value_effects(problem, z, blocks)
+    robust = robust_errors(problem, residuals, blocks)
     if plain_space(problem):  # as `linearise` has it
-        linear = linear_problem(problem, z, residuals, jacobian, blocks, problem.robust, at, begins)
+        linear = linear_problem(problem, z, residuals, jacobian, blocks, robust, at, begins)
         scale = linear.size / problem.space.slopes(z)[at]
         return plain @ j.T / variance, linear.spread * scale[:, None] * scale[None, :]
-    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, problem.robust, begins)
+    return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, robust, begins)
 
 
 def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:

@@ -14,7 +14,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """Which parameters the data determine, and which not."""
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
-    yield from _determined(single, free)
+    yield from _determined(single, free, _denied(findings))
     yield from _unsound(findings.get("determined"))
     yield from _together(findings.get("determined"))
     yield from _first_values(findings.get("determined"))
@@ -28,7 +28,15 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
             yield from (one(p, needs) for p in own) if len(own) <= FEW else (many(name, own),)
 
 
-def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence]:
+def _denied(findings: Mapping[str, Any]) -> str:
+    """Outputs whose residuals are correlated while standard errors take them as independent."""
+    if findings.get("standard_errors", {}).get("kind") != "classical":
+        return ""
+    found = dict.fromkeys(r["output"] for r in findings.get("residual_tests", ()) if not r["white"])
+    return some(list(found)) if found else ""
+
+
+def _determined(single: Sequence[Row], free: Sequence[Row], denied: str) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
         return
@@ -36,7 +44,9 @@ def _determined(single: Sequence[Row], free: Sequence[Row]) -> Iterator[Sentence
     listed = ", ".join(_told(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
     what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
-    yield say("good" if len(good) == total else "info", text, determined=len(good))
+    if denied:
+        text += f" The intervals take residuals as independent, and those of {denied} are not."
+    yield say("warning" if denied else "good" if len(good) == total else "info", text, determined=len(good))
 
 
 def _told(p: Row) -> str:

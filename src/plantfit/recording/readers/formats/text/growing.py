@@ -86,4 +86,4 @@ class GrowingTable:
         if not len(new):
             return None
         signals = {n: type(s)(s.values[new], s.unit) for n, s in recording.signals.items()}
-        return Recording(t[new], signals, recording.name, recording.log)
+        return Recording(t[new], signals, recording.name, recording.log, recording.clocked)
