@@ -6,6 +6,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
     "Begin": {
         "demo": "See a real machine worked end to end",
         "init": "Write a study file from a recording",
+        "new": "Write a study file from a list of parts, or from the library",
         "look": "Responses, delay and best linear model, without equations",
         "check": "Read a study file; say what was understood and can be told",
     },
