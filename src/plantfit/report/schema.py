@@ -107,6 +107,15 @@ class StatedUncertainty(_Record):
     degrees_of_freedom: Number = None
 
 
+class ByNoise(_Record):
+    """What the noise of the recordings alone gives a parameter that scatters between them."""
+
+    standard_error: Number = None
+    low: Number = None
+    high: Number = None
+    status: str = ""
+
+
 class Parameter(_Record):
     """`index` places an entry of the table `parameter`; it is empty for a single number."""
 
@@ -128,6 +137,7 @@ class Parameter(_Record):
     status: str = "determined"
     equal_answers: list[Number] | None = None  # from, to: over runs of the same cost, where these leave the interval
     uncertainty: StatedUncertainty | None = None
+    by_noise: ByNoise | None = None
 
 
 class StatedError(_Record):
@@ -374,6 +384,13 @@ class Diagnosis(_Record):
         return any(r.found for r in self.rounds)
 
 
+class Heterogeneity(_Record):
+    """Whether recordings agree on the parameters that they share; None where it could not be tested."""
+
+    state: str = ""
+    agree: bool | None = None
+
+
 class Reproduction(_Record):
     spec: str | None = None
     seed: int | None = None
@@ -395,6 +412,7 @@ class Findings(_Record):
     uncertainty: Uncertainty | None = None
     tables: list[OperatingTable] = []
     smoothing: list[SmoothedTable] = []
+    heterogeneity: Heterogeneity | None = None
     combinations: list[Combination] = []
     runs: list[Run] = []
     basins: list[Basin] = []
