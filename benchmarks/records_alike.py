@@ -20,13 +20,15 @@ PERIOD, SAMPLES = 0.05, 300
 GAIN, LAG = 8.0, 0.6
 
 
-def recording(rng: np.random.Generator, name: str = "a", lag: float = LAG, memory: float = 0.0, noise: float = 0.4) -> Any:
-    """A recording of x' = (GAIN u - x)/lag at rest, input held, with noise of standard deviation `noise`."""
+def recording(
+    rng: np.random.Generator, name: str = "a", lag: float = LAG, memory: float = 0.0, noise: float = 0.4, gain: float = GAIN
+) -> Any:
+    """A recording of x' = (gain u - x)/lag at rest, input held, with noise of standard deviation `noise`."""
     from plantfit.recording import Recording, Signal
 
     u = np.repeat(rng.uniform(-2.0, 3.0, SAMPLES // 15), 15)
     decay = np.exp(-PERIOD / lag)
-    y = np.concatenate([[0.0], lfilter([GAIN * (1.0 - decay)], [1.0, -decay], u)[:-1]])
+    y = np.concatenate([[0.0], lfilter([gain * (1.0 - decay)], [1.0, -decay], u)[:-1]])
     white = rng.normal(size=SAMPLES + 200)
     e = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white)[200:]
     return Recording(np.arange(SAMPLES) * PERIOD, {"u": Signal(u, "V"), "y": Signal(y + noise * e, "K")}, name)

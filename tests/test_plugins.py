@@ -79,7 +79,8 @@ def test_the_parts_of_the_package_pass_their_exams(bench_tools):
         "from pathlib import Path\nimport bench_tools as b, plantfit as pf\n"
         "from plantfit.testing import check_look, check_model, check_optimizer, check_reader\n"
         "check_model(b.leaky_tank()); check_reader(b.read_blog, 'tank.blog'); check_optimizer(b.ShrinkingBox())\n"
-        "check_look(b.hum)\n"
+        "from plantfit.testing import check_candidate\n"
+        "check_look(b.hum); check_candidate('sensor_curve', b.sensor_curve)\n"
         "check_model(pf.models.make('leaky_tank'))\n"
         "print(pf.methods.names()[-1], pf.models.names()[-1], pf.methods.describe(b.ShrinkingBox()).split(':')[0])\n"
         "print(pf.read('tank.blog', time='time [s]', signals={'h': 'h [m]'}).signals['h'].unit)\n"
@@ -140,6 +141,147 @@ def test_the_exam_of_looks_refuses(wrong):
 
     with pytest.raises(AssertionError):
         check_look(look)
+
+
+LAG = """name = "lag"
+[recording.a]
+file = "a.csv"
+time = "t"
+[model]
+equations = "x' = (K*u - x)/tau; y = x"
+inputs = { u = "1" }
+outputs = { y = "1" }
+states = { x = { unit = "1", initial = 0 } }
+[parameters.K]
+bounds = [0.1, 10]
+[parameters.tau]
+bounds = [0.01, 10]
+unit = "s"
+"""
+
+
+def lagging(folder, name, bend, extensions=""):
+    """A recording of a lag of first order by its closed form, gain 2, whose sensor shows y + bend y^2; and its study file."""
+    t, u = np.arange(600) * 0.05, np.repeat(np.random.default_rng(3).uniform(-2, 3, 20), 30)
+    decay, y = np.exp(-0.05 / 0.4), np.zeros(600)
+    for k in range(599):
+        y[k + 1] = decay * y[k] + (1 - decay) * 2 * u[k]
+    shown = y + bend * y**2 + 0.02 * np.random.default_rng(4).normal(size=600)
+    np.savetxt(folder / f"{name}.csv", np.column_stack([t, u, shown]), "%.9g", ",", header="t [s],u,y", comments="")
+    (folder / f"{name}.toml").write_text(LAG.replace("a.csv", f"{name}.csv").replace("[parameters.K]", f"{extensions}\n[parameters.K]"))
+
+
+def test_a_candidate_of_a_package_is_tried_named_and_fitted(bench_tools, tmp_path):
+    lagging(tmp_path, "bent", 0.03)
+    lagging(tmp_path, "straight", 0.0)
+    lagging(tmp_path, "treated", 0.03, "extensions = { sensor_curve = { y = [-1, 1] } }")
+    code = (
+        "import json, plantfit as pf\nfrom plantfit.spec import load\n"
+        "bent, straight, treated = (pf.fit(load(f'{n}.toml').problem, budget=400) for n in ('bent', 'straight', 'treated'))\n"
+        "print(json.dumps([bent.diagnose(), straight.diagnose(whole=True), treated.findings['parameters']]))\n"
+    )
+    found, nothing, rows = json.loads(run((bench_tools[0], tmp_path), code=code))
+    assert found["rounds"][0]["found"] == ["bend of the sensor of y"]
+    assert found["verdict"][0]["sentence"].startswith("A bend of 0.030"), found["verdict"]
+    assert " of the sensor of y explains " in found["verdict"][0]["sentence"]
+    assert "bend of the sensor of y" in [t["name"] for t in nothing["rounds"][0]["tried"]]
+    assert nothing["rounds"][0]["found"] == []
+    bend = next(p for p in rows if p["name"] == "sensor_curve_y")
+    assert abs(bend["value"] - 0.03) < 4 * bend["standard_error"] < 0.01
+    assert bend["unit"] == "1/(1)"
+
+
+@pytest.fixture
+def packages(tmp_path, monkeypatch):
+    """Writes a package with candidates, from its source and entry points."""
+    from plantfit.trust.diagnosis.candidates import of_packages
+
+    def write(source, points):
+        (tmp_path / "bad_tools.py").write_text(source)
+        metadata(tmp_path, "bad-tools", "[plantfit.candidates]\n" + points)
+        monkeypatch.syspath_prepend(tmp_path)
+        sys.modules.pop("bad_tools", None)
+        for cache in (offered, of_packages):
+            cache.cache_clear()
+
+    yield write
+    sys.modules.pop("bad_tools", None)
+    monkeypatch.undo()
+    for cache in (offered, of_packages):
+        cache.cache_clear()
+
+
+def test_candidates_that_cannot_be_used_are_one_sentence_each(packages):
+    from plantfit.models.extensions import with_extensions
+    from plantfit.models.library.process import first_order
+    from plantfit.trust.diagnosis.candidates import CANDIDATES, Behind, candidates, of_packages
+
+    packages(
+        "from dataclasses import replace\nfrom plantfit.models.extensions import KINDS\n"
+        "from plantfit.trust.diagnosis.candidates import CANDIDATES\n"
+        "def fails(*given): raise ValueError('of no use')\n"
+        "good = replace(CANDIDATES['offset'], extension=KINDS['offset'])\n"
+        "elsewhere = replace(good, extension=KINDS['lag'])\n"
+        "dumb = replace(good, phrase='an offset')\n"
+        "lost = replace(good, extension=KINDS['offset']._replace(make=fails), law=fails)\n",
+        "good = bad_tools:good\nelsewhere = bad_tools:elsewhere\ndumb = bad_tools:dumb\nbare = math:pi\nnone = no_such_module:f\n"
+        "lost = bad_tools:lost\noffset = bad_tools:good\n",
+    )
+    with pytest.warns(UserWarning, match="'offset' of the package bad-tools is left out: plantfit has one of this name"):
+        rows, told = of_packages()
+    assert list(rows) == ["good", "lost"]
+    assert [t for t in told if "no candidate with an `extension`" in t and t.startswith("'bare' of the package bad-tools")]
+    assert [t for t in told if t.startswith("'none' of the package bad-tools cannot be loaded")]
+    assert [t for t in told if "it is tried on outputs, and its extension is to inputs; update or uninstall bad-tools." in t]
+    assert [t for t in told if t.startswith("'dumb'") and "leaves out the signal or value" in t]
+    assert set(candidates(Behind)) == {k for k, c in CANDIDATES.items() if isinstance(c, Behind)} | {"good", "lost"}
+    assert "good_y" in {p.name for p in with_extensions(first_order(), {"good": {"y": (-1, 1)}}).parameters}
+    with pytest.raises(ModelError, match=r"'lost' of the package bad-tools fails at 'y' \(ValueError: of no use\); update or uninstall"):
+        with_extensions(first_order(), {"lost": {"y": (-1, 1)}})
+    with pytest.raises(ModelError, match=r"extensions name 'goof'\. Did you mean 'good'"):
+        with_extensions(first_order(), {"goof": {"y": (-1, 1)}})
+    with pytest.raises(ModelError, match=r"The candidate 'lost' of the package bad-tools failed \(ValueError: of no use\)"):
+        rows["lost"].law(np.zeros(3), np.zeros(3), np.zeros((3, 0)), 1.0, 1.0)  # type: ignore[union-attr]
+
+
+def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
+    from dataclasses import replace
+
+    from plantfit.models.extensions import KINDS
+    from plantfit.testing import check_candidate
+    from plantfit.trust.diagnosis.candidates import CANDIDATES
+
+    for kind in ("offset", "saturation", "quadratic"):  # those of all kinds: tests/trust/test_diagnosis_candidates.py
+        check_candidate(kind, CANDIDATES[kind], KINDS[kind])
+    good, own, zone = CANDIDATES["offset"], KINDS["offset"], CANDIDATES["dead_zone"]
+    drag, braked = CANDIDATES["quadratic"], KINDS["quadratic"]
+    wrong: list[tuple[str, Any, Any, str]] = [
+        ("no extension", good, None, "it has no extension"),
+        ("elsewhere", good, KINDS["lag"], "it is tried on outputs, and its extension is to inputs"),
+        ("no sentence", replace(good, phrase=""), own, "its phrase is ''"),
+        ("no signal", good, own._replace(sentence="it is off"), "its sentence of its extension is 'it is off'"),
+        ("bounds", replace(good, bounds=lambda low, high, value: (0.0, value / 2)), own, "do not hold the value"),
+        (
+            "never nothing",
+            replace(good, law=lambda t, y, j, v, s: (y + (v + 1) / s, j, np.full(len(y), 1 / s))),
+            own,
+            "at zero, where it is",
+        ),
+        ("not finite", replace(good, law=lambda t, y, j, v, s: (y + np.where(t > 1, v, np.inf), j, 1 + t)), own, "not finite"),
+        ("slope", replace(good, law=lambda t, y, j, v, s: (y + v / s, j, np.full(len(y), 2 / s))), own, "derivatives by its value differ"),
+        ("plant", replace(good, law=lambda t, y, j, v, s: (y + v / s, 0 * j, np.full(len(y), 1 / s))), own, "by the plant's parameters"),
+        ("bent", replace(good, law=lambda t, y, j, v, s: (y + v**2 / s, j, np.full(len(y), 2 * v / s))), own, "no straight line"),
+        ("another model", good, KINDS["drift"], "its law and its model differ"),
+        ("fails", replace(zone, law=lambda t, u, v, held: 1 / 0), KINDS["dead_zone"], "its law fails"),
+        ("changes", replace(zone, law=lambda t, u, v, held: np.clip(u, -v, v, out=u) * 0), KINDS["dead_zone"], "changes"),
+        ("no starts", replace(zone, tried=lambda s: replace(zone.tried(s), starts=())), KINDS["dead_zone"], "values to begin with"),
+        ("outside", replace(zone, tried=lambda s: replace(zone.tried(s), starts=(99.0,))), KINDS["dead_zone"], "outside of its range"),
+        ("still", drag, braked._replace(make=lambda m, x, b, n: braked.make(m, x, b, n + "_")), "its model has no parameter 'still_x'"),
+        ("no size", replace(drag, size=lambda spread, rate: float("nan")), braked, "its size is nan"),
+    ]
+    for kind, candidate, extension, words in wrong:
+        with pytest.raises(AssertionError, match=words):
+            check_candidate(kind.replace(" ", "_"), candidate, extension)
 
 
 def test_what_is_wrong_with_a_package_is_one_sentence(tmp_path):

@@ -203,7 +203,7 @@ def _row(
         all_of.append(_kind("verdict", own["low"], own["high"], c))
     for kind in kinds:
         if kind == "covariance":
-            error = own["standard_error"]
+            error = (own["by_noise"] or own)["standard_error"]
             half = None if error is None else float(ndtri(0.5 + level / 2)) * error
             all_of.append(_kind(kind, None if half is None else value - half, None if half is None else value + half, None))
         elif kind == "profile" and c.name in profiles:
@@ -228,6 +228,7 @@ def _row(
         "value": value,
         "standard_error": own["standard_error"],
         "status": own["status"],
+        "scatters": own["by_noise"] is not None,
         "kinds": all_of,
     }
 

@@ -1,4 +1,6 @@
-"""What other packages add by entry points: methods, models, readers, looks at the data. Nothing of them is imported before it is used.
+"""What other packages add by entry points: methods, models, readers, looks at the data, candidates of a diagnosis.
+
+Nothing of them is imported before it is used.
 
 A package names them in its `pyproject.toml` (docs/plug-ins.md):
 
@@ -38,7 +40,7 @@ class Plugin:
 
 @cache
 def offered(group: str, own: Collection[str] = frozenset()) -> dict[str, Plugin]:
-    """Plug-ins of the group "methods", "models", "readers" or "looks" by name, in alphabetical order.
+    """Plug-ins of the group "methods", "models", "readers", "looks" or "candidates" by name, in alphabetical order.
 
     Names in `own` are plantfit's, and of two packages with one name the first in the alphabet is taken; a warning names what is left out.
     """

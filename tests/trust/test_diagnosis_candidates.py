@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from plantfit.models.extensions import KINDS
+from plantfit.testing import check_candidate
 from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind, Inside, candidates
 from plantfit.trust.diagnosis.catalogue import Extension
 
@@ -39,6 +40,11 @@ def test_laws_of_sensors_have_the_derivatives_of_differences(kind):
     assert (by_value is None) == candidate.differenced
     if by_value is not None:
         np.testing.assert_allclose(by_value, (shown(0.0, value + step)[0] - shown(0.0, value - step)[0]) / (2 * step), atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", CANDIDATES)
+def test_every_candidate_passes_the_exam_for_packages(kind):
+    check_candidate(kind, CANDIDATES[kind], KINDS[kind])
 
 
 def test_laws_of_sensors_are_their_closed_forms():

@@ -17,7 +17,8 @@ import plantfit as pf
 from plantfit.errors import RecordingError
 from plantfit.models import equations
 from plantfit.recording import Recording, Signal
-from plantfit.trust.heterogeneity.cochran import difference, heterogeneity, holm, pooled, together
+from plantfit.trust.heterogeneity.cochran import between, difference, heterogeneity, holm, pooled, together
+from plantfit.trust.heterogeneity.sentences import answer_sentences
 
 STUDIES = 100
 
@@ -198,3 +199,79 @@ def test_basins_of_one_cost_are_no_disagreement():
     for seed in range(3):
         found = pf.compare_records(replace(answer, seed=seed), budget=400, seed=seed)
         assert found.agree, found.verdict
+
+
+def test_the_spread_of_paule_and_mandel():
+    """Q with weights 1/(errors^2 + s^2) is k - 1; equal errors have the closed form s^2 = var - errors^2."""
+    values = np.array([1.0, 1.6, 0.2, 1.1, 2.5])
+    assert between(values, np.full(5, 0.1)) == pytest.approx(np.sqrt(np.var(values, ddof=1) - 0.01))
+    errors = np.array([0.1, 0.5, 0.2, 0.3, 0.05])
+    s = between(values, errors)
+    weights = 1 / (errors**2 + s**2)
+    assert np.sum(weights * (values - np.average(values, weights=weights)) ** 2) == pytest.approx(4.0)
+    assert between(values, np.full(5, 10.0)) == 0.0
+
+
+def test_the_answer_names_the_recording_and_allows_for_it():
+    rng = np.random.default_rng(5)
+    answer = answered({n: recording(rng, n, lag=0.9 if n == "hot" else 0.6) for n in ("a", "b", "hot", "c")})
+    rows = {r["name"]: r for r in answer.findings["parameters"]}
+    assert "hot no longer fits the other recordings: tau is 0.90" in answer.verdict
+    assert "Standard errors allow for the scatter between the 4 recordings: that of tau is 0.08" in answer.verdict
+    assert "`pf.compare_records(answer)` fits each of them alone." in answer.verdict
+    tau, section = rows["tau"], answer.findings["heterogeneity"]
+    assert tau["low"] < 0.6 < tau["by_noise"]["high"] < 0.9 < tau["high"] + 0.05
+    assert answer.standard_errors["tau"] == tau["standard_error"] > 1.4 * tau["by_noise"]["standard_error"]
+    assert section["evaluations"] <= max(400.0, section["allowed"])
+    alone = {a["recording"]: a["value"] for p in section["parameters"] if p["name"] == "tau" for a in p["alone"]}
+    searched = pf.compare_records(answer, budget=400).record
+    for p in searched["parameters"]:
+        if p["name"] == "tau":
+            assert {a["recording"]: a["value"] for a in p["alone"]} == pytest.approx(alone, rel=1e-4)
+    covariance = pf.compare_intervals(answer, kinds=("covariance", "profile"), parameters=("tau",))
+    assert "the recordings disagree on it; the verdict allows for that" in covariance.verdict
+
+
+def test_two_that_differ_withdraw_determined():
+    rng = np.random.default_rng(11)
+    answer = answered({"a": recording(rng, "a", lag=0.6), "b": recording(rng, "b", lag=0.75)})
+    tau = next(r for r in answer.findings["parameters"] if r["name"] == "tau")
+    assert (tau["by_noise"]["status"], tau["status"]) == ("determined", "weak")
+    assert "tau is not called determined for that." in answer.verdict
+    assert "look for disturbances" not in answer.verdict
+
+
+def test_an_answer_of_recordings_that_agree_stays_as_it_is():
+    rng = np.random.default_rng(12)
+    answer = answered({n: recording(rng, n) for n in "abc"})
+    assert answer.findings["heterogeneity"]["agree"] is True
+    assert all(r["by_noise"] is None for r in answer.findings["parameters"])
+    assert "scatter between" not in answer.verdict
+    assert answered({"a": recording(rng)}).findings["heterogeneity"] is None
+
+
+def test_refits_that_would_take_longer_than_the_search_are_left(monkeypatch):
+    from benchmarks.records_scatter import study
+
+    from plantfit.trust.heterogeneity import findings
+
+    monkeypatch.setattr(findings, "FLOOR", 10.0)
+    monkeypatch.setattr(findings, "TIMES", 0.01)
+    section = study(1, 5, 0.0)["section"]
+    assert (section["state"], section["agree"]) == ("left", None)
+    said = answer_sentences({"heterogeneity": section, "parameters": [], "reproduction": {"command": "plantfit run oven.toml"}})
+    assert [s["sentence"] for s in said] == [
+        "Whether the 5 recordings agree was not tested, as it takes long; `plantfit compare-records oven.toml` does it."
+    ]
+
+
+@pytest.mark.parametrize(("scatter", "most"), [(0.0, 6), (0.05, 45)])
+def test_intervals_hold_the_mean_of_what_scatters(scatter, most):
+    """40 studies of 5 recordings: 95 % of intervals hold it, and 5 % of studies that do not scatter are told to (6 by chance: 1 in 100)."""
+    from benchmarks.records_scatter import holds, study
+
+    own = [study(seed, 5, scatter) for seed in range(1000, 1040)]
+    assert sum(holds(o["row"]) for o in own) >= 34  # 34 or fewer of 40 has a chance of one in a hundred
+    assert sum(o["section"]["agree"] is False for o in own) <= most
+    if scatter:
+        assert sum(holds(o["before"]) for o in own) < 30

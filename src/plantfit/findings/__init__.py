@@ -6,7 +6,18 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.findings.diagnosis import Diagnosis, Outliers, ResidualChange, Round, Tried
+    from plantfit.findings.heterogeneity import (
+        AllAtOnce,
+        Apart,
+        Estimated,
+        EstimatedAlone,
+        Heterogeneity,
+        Moved,
+        RecordingAlone,
+        SharedParameter,
+    )
     from plantfit.findings.parameters import (
+        ByNoise,
         Combination,
         Determined,
         DeterminedCombination,
@@ -27,18 +38,25 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Agreement",
+    "AllAtOnce",
+    "Apart",
     "Basin",
+    "ByNoise",
     "Combination",
     "Cross",
     "Determined",
     "DeterminedCombination",
     "Diagnosis",
     "DistinctAnswer",
+    "Estimated",
+    "EstimatedAlone",
     "Findings",
     "FirstValues",
+    "Heterogeneity",
     "History",
     "Input",
     "KnownOther",
+    "Moved",
     "Number",
     "OperatingTable",
     "Outliers",
@@ -47,6 +65,7 @@ __all__ = [
     "ReadingBudget",
     "Record",
     "Recording",
+    "RecordingAlone",
     "Reproduction",
     "ResidualChange",
     "ResidualTest",
@@ -55,6 +74,7 @@ __all__ = [
     "SameModel",
     "Score",
     "Sentence",
+    "SharedParameter",
     "SimulatedOutput",
     "Simulation",
     "SmoothedTable",
@@ -74,7 +94,8 @@ names_of(
     __name__,
     {
         "diagnosis": "Diagnosis Outliers ResidualChange Round Tried",
-        "parameters": "Combination Determined DeterminedCombination FirstValues KnownOther Parameter StandardErrors",
+        "heterogeneity": "AllAtOnce Apart Estimated EstimatedAlone Heterogeneity Moved RecordingAlone SharedParameter",
+        "parameters": "ByNoise Combination Determined DeterminedCombination FirstValues KnownOther Parameter StandardErrors",
         "record": "Number Record Values array",
         "recordings": "Input Output Recording Score Weight",
         "residuals": "Cross ResidualTest",

@@ -8,6 +8,15 @@ from plantfit.findings.uncertainty import StatedUncertainty
 Status = Literal["determined", "weak", "flat", "at bound", "not visited", "fixed"]
 
 
+class ByNoise(Record):
+    """What the noise of the recordings alone gives a parameter that scatters between them."""
+
+    standard_error: Number = None
+    low: Number = None
+    high: Number = None
+    status: Status
+
+
 class Parameter(Record):
     """One number, or one entry of a table, in `unit`; `low` and `high` are its 95 % interval."""
 
@@ -36,6 +45,8 @@ class Parameter(Record):
     equal_answers: list[Number] | None = None
     """From, to: over runs of the same cost, where these leave the interval."""
     uncertainty: StatedUncertainty | None = None
+    by_noise: ByNoise | None = None
+    """None where recordings agree."""
 
 
 class StandardErrors(Record):

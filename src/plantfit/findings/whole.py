@@ -7,6 +7,7 @@ from pydantic import ValidationError, field_validator
 
 from plantfit.errors import PlantfitError
 from plantfit.findings.diagnosis import Diagnosis
+from plantfit.findings.heterogeneity import Heterogeneity
 from plantfit.findings.parameters import Combination, Determined, Parameter, StandardErrors
 from plantfit.findings.record import READ, Record
 from plantfit.findings.recordings import Recording, Score, Weight
@@ -41,6 +42,8 @@ class Findings(Record):
     tables: list[OperatingTable] = []
     smoothing: list[SmoothedTable] = []
     combinations: list[Combination] = []
+    heterogeneity: Heterogeneity | None = None
+    """None where there is nothing to test: one recording, nothing shared, a problem that is not linearised."""
     determined: Determined | None = None
     """None where the problem is not linearised: tables, many coordinates."""
     runs: list[Run] = []

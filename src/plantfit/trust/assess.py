@@ -24,6 +24,7 @@ from plantfit.trust.finish.agreement import SAME, agreement, named, opened
 from plantfit.trust.finish.final_problem import CHECKED, rounding
 from plantfit.trust.finish.smoothing_strength import smoothing_rows
 from plantfit.trust.finish.weights import weight_rows
+from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdrawn
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.identify.table_visits import agreeing, table_visits
 from plantfit.trust.intervals.following import followed_ranges
@@ -57,13 +58,17 @@ def assess(
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
     visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
-    ranges = None
+    ranges, spent = None, float(sum(r.evaluations for r in runs))
     if local.linear is not None:
-        ranges = followed_ranges(problem, best.x, local.linear, sum(r.evaluations for r in runs))
+        ranges = followed_ranges(problem, best.x, local.linear, spent)
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
+    determined = determined_findings(problem, local.linear, rows, ranges or {})
     rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
+    rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
+    if determined is not None:
+        determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
@@ -78,7 +83,8 @@ def assess(
         tables=table_rows(problem, rows, visits),
         smoothing=smoothing_rows(problem, local),
         combinations=_combinations(local, rows),
-        determined=determined_findings(problem, local.linear, rows, ranges or {}),
+        heterogeneity=heterogeneity,
+        determined=determined,
         runs=[_run(problem, r) for r in runs],
         basins=_basins(problem, runs),
         agreement=agreed,

@@ -4,7 +4,7 @@ Every shape that a loop is compiled for costs tenths of a second before its firs
 the width of a search costs microseconds more, so that choosing steps, search, finish and verdict share one shape.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -43,6 +43,18 @@ def residuals_and_jacobian(problem: Problem, z: np.ndarray) -> tuple[np.ndarray,
     zs = np.repeat(np.asarray(z, dtype=float)[None, :], WIDTH, axis=0)
     r, jacobian = several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)
     return np.asarray(r)[0], np.asarray(jacobian)[0]
+
+
+def at_several(problem: Problem, zs: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Residuals (m,) and derivatives (m, d) at cube points (k, d), one after the other."""
+    if not shared(problem):
+        yield from (problem.residuals_and_jacobian(z) for z in zs)
+        return
+    for begin in range(0, len(zs), WIDTH):
+        some = np.asarray(zs[begin : begin + WIDTH], dtype=float)
+        filled = np.concatenate([some, np.repeat(some[-1:], WIDTH - len(some), axis=0)])
+        r, jacobian = several(problem.compiled["residuals_and_jacobian"])(filled, problem.arguments)
+        yield from zip(np.asarray(r)[: len(some)], np.asarray(jacobian)[: len(some)], strict=True)
 
 
 def compressed(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

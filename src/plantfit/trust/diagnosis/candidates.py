@@ -1,15 +1,20 @@
 """What may be missing in a model, one row for each kind: what it is called, where it is tried, what it does, how the study file bounds it.
 
-A new kind is its law in `models/extensions/` with a row in `KINDS` there, the same law on samples in `effects.py`, and a row here.
+A new kind is its law in `models/extensions/` with a row in `KINDS` there, the same law on samples in `effects.py`, and a row here. Other
+packages bring theirs with the model's side as `extension` (docs/plug-ins.md).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from plantfit import units
+from plantfit.errors import ModelError
+from plantfit.models.extensions.kinds import Kind
+from plantfit.models.extensions.of_packages import loaded, packages_kinds
 from plantfit.trust.diagnosis import effects, ranges
 from plantfit.trust.diagnosis.ranges import Seen, Tried, joined
 
@@ -21,6 +26,7 @@ class Candidate:
     """A kind of addition. `name` takes the signal, as in "dead time of u", with `article` before it; `phrase` takes value and signal.
 
     `bounds` gives those of the study file from the range that was tried (low, high) and the value found. A `level` is not nothing at zero.
+    `extension` is the addition to a model that a package brings; those of plantfit are in `models/extensions/kinds.py`.
     """
 
     article: str = "a"
@@ -28,6 +34,7 @@ class Candidate:
     phrase: str
     bounds: Callable[[float, float, float], tuple[float, float]]
     level: bool = False
+    extension: Kind | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,5 +140,65 @@ Place = TypeVar("Place", Before, Inside, Behind)
 
 
 def candidates(place: type[Place]) -> dict[str, Place]:
-    """The rows of one place: Before, Inside or Behind."""
-    return {kind: c for kind, c in CANDIDATES.items() if isinstance(c, place)}
+    """The rows of one place, Before, Inside or Behind: those of plantfit, then those of packages that can be used."""
+    return {kind: c for kind, c in {**CANDIDATES, **of_packages()[0]}.items() if isinstance(c, place)}
+
+
+def candidate_of(kind: str) -> Before | Inside | Behind:
+    """The row of a kind; raises KeyError for a kind that there is not."""
+    return CANDIDATES[kind] if kind in CANDIDATES else of_packages()[0][kind]
+
+
+@cache
+def of_packages() -> tuple[dict[str, Before | Inside | Behind], tuple[str, ...]]:
+    """The rows of packages by kind, and a sentence for each that cannot be used.
+
+    What one of them does wrong later raises ModelError, which names it.
+    """
+    found, told = {}, []
+    for kind, plugin in packages_kinds().items():
+        try:
+            candidate, extension = loaded(plugin)
+            if wrong := _wrong(candidate, extension):
+                package = plugin.package
+                raise ModelError(f"{kind!r} of the package {package} cannot be tried: {wrong}; update or uninstall {package}.")
+        except ModelError as failure:
+            told.append(str(failure))
+            continue
+        own = {n: _guarded(getattr(candidate, n), kind, plugin.package) for n in _FUNCTIONS if hasattr(candidate, n)}
+        found[kind] = replace(candidate, **own)
+    return found, tuple(told)
+
+
+PLACES = {Before: "inputs", Inside: "states", Behind: "outputs"}
+_FUNCTIONS = ("bounds", "tried", "law", "unit", "size")
+
+
+def _wrong(candidate: Any, extension: Kind) -> str:
+    """Why a candidate of a package cannot be tried; "" where it can."""
+    if type(candidate) not in PLACES:
+        return f"it is a {type(candidate).__name__}, not a Before, Inside or Behind"
+    if extension.to != PLACES[type(candidate)]:
+        return f"it is tried on {PLACES[type(candidate)]}, and its extension is to {extension.to}"
+    try:
+        told = candidate.name.format("SIGNAL"), candidate.phrase.format("VALUE", "SIGNAL"), extension.sentence.format("SIGNAL")
+    except (IndexError, KeyError, ValueError):
+        told = ("", "", "")
+    return (
+        ""
+        if all("SIGNAL" in text for text in told) and "VALUE" in told[1]
+        else "its name, phrase or sentence leaves out the signal or value"
+    )
+
+
+def _guarded(function: Callable[..., Any], kind: str, package: str) -> Callable[..., Any]:
+    def called(*given: Any) -> Any:
+        try:
+            return function(*given)
+        except Exception as failure:  # whatever the package does
+            what = f"{type(failure).__name__}: {str(failure)[:200]}"
+            raise ModelError(
+                f"The candidate {kind!r} of the package {package} failed ({what}); update or uninstall {package}."
+            ) from failure
+
+    return called

@@ -9,7 +9,7 @@ from plantfit import units
 from plantfit.models.extensions import parameter_name
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
-from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind, Candidate, Inside, candidates
+from plantfit.trust.diagnosis.candidates import Before, Behind, Candidate, Inside, candidate_of, candidates
 from plantfit.trust.diagnosis.carrier import Rows
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 
@@ -34,7 +34,7 @@ class Extension:
     @property
     def candidate(self) -> Before | Inside | Behind:
         """The row of its kind; raises KeyError for a kind that there is not."""
-        return CANDIDATES[self.kind]
+        return candidate_of(self.kind)
 
     @property
     def place(self) -> str:

@@ -18,7 +18,7 @@ from plantfit.trust.diagnosis.sentences import diagnosis_record
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
 from plantfit.trust.verdict.fit import noise_rows
-from plantfit.trust.verdict.words import Sentence, say
+from plantfit.trust.verdict.words import Sentence, say, study_file
 
 Findings = dict[str, Any]
 
@@ -65,10 +65,10 @@ def with_diagnosis(
     except Stopped:
         text = f"The search for what may be missing was stopped; {command} does it."
         return _said(findings, best, {"state": "stopped", "verdict": [say("info", text)]})
-    except ModelError:
+    except ModelError as error:
         if whole:
             raise
-        return findings  # nothing can be added to this model
+        return _said(findings, best, {"state": "left", "verdict": [say("info", f"What may be missing was not tried: {error}")]})
     record = diagnosis_record(found, alone=False)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
@@ -88,18 +88,13 @@ _EMPTY = {
 
 def _command(findings: Mapping[str, Any]) -> str:
     """What makes a whole diagnosis of this study."""
-    file = _file(findings)
+    file = study_file(findings)
     return f"`plantfit diagnose {shlex.quote(file)}`" if file else "`answer.diagnose(whole=True)`"
-
-
-def _file(findings: Mapping[str, Any]) -> str:
-    command = findings.get("reproduction", {}).get("command", "")
-    return command.removeprefix("plantfit run ") if command.startswith("plantfit run ") else ""
 
 
 def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
     """The command that fits the model with what was found; "" without a study file."""
-    file = _file(findings)
+    file = study_file(findings)
     if not file or not found.found:
         return ""
     return " ".join(["plantfit run", shlex.quote(file), *(f'--try "{t.extension.name}"' for t in found.found)])

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis, Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
@@ -21,7 +22,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]
     """
     return {
         "name": diagnosis.carrier.given.name,
-        "verdict": list(_sentences(diagnosis, alone)),
+        "verdict": [*_sentences(diagnosis, alone), *(say("info", text) for text in of_packages()[1])],
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
         "rounds": [_round(diagnosis, r) for r in diagnosis.rounds],
         "dropped": [e.name for e in diagnosis.dropped],

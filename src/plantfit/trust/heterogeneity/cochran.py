@@ -1,8 +1,8 @@
 """Do estimates of one quantity from several recordings agree: Cochran's Q, with few degrees of freedom as Welch has it, and Holm's levels.
 
 Cochran, Biometrics 10 (1954) 101; Welch, Biometrika 38 (1951) 330, eq. 28; Holm, Scand. J. Statistics 6 (1979) 65; I^2 of Higgins and
-Thompson, Statistics in Medicine 21 (2002) 1539; the spread between recordings of DerSimonian and Laird, Controlled Clinical Trials 7
-(1986) 177.
+Thompson, Statistics in Medicine 21 (2002) 1539; the spread between recordings of Paule and Mandel, J. Research of the National Bureau of
+Standards 87 (1982) 377.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from scipy import special
 
 LEVEL = 0.05
+NEWTON = 100  # steps at most
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,25 @@ def heterogeneity(values: np.ndarray, errors: np.ndarray, freedom: np.ndarray) -
     f = q / degrees / (1.0 + 2.0 * (count - 2.0) / (count**2 - 1.0) * lost)
     within = (count**2 - 1.0) / (3.0 * lost) if lost > 0 else np.inf
     p = float(special.fdtrc(degrees, within, f)) if within < 1e7 else float(special.chdtrc(degrees, q))
-    spare = total - float(weights @ weights) / total
-    between = float(np.sqrt(max(0.0, (q - degrees) / spare)))
-    return Heterogeneity(mean, total**-0.5, q, degrees, p, max(0.0, 1.0 - degrees / q) if q > 0 else 0.0, between)
+    share = max(0.0, 1.0 - degrees / q) if q > 0 else 0.0
+    return Heterogeneity(mean, total**-0.5, q, degrees, p, share, between(values, errors))
+
+
+def between(values: np.ndarray, errors: np.ndarray) -> float:
+    """The standard deviation s between recordings of estimates (k,) with standard errors (k,): that which makes Cochran's Q with weights
+    1 / (errors^2 + s^2) equal to k - 1, its mean; 0 where Q is smaller without it (Paule and Mandel).
+
+    Newton's steps of DerSimonian and Kacker, Contemporary Clinical Trials 28 (2007) 105; Q falls and is convex in s^2.
+    """
+    variance, squares = 0.0, np.asarray(errors, dtype=float) ** 2
+    for _ in range(NEWTON):
+        weights = 1.0 / (squares + variance)
+        away = np.asarray(values, dtype=float) - float(weights @ values) / float(weights.sum())
+        excess = float(weights @ away**2) - (len(squares) - 1.0)
+        if excess <= 1e-9:
+            break
+        variance += excess / float(weights**2 @ away**2)
+    return variance**0.5
 
 
 def together(values: np.ndarray, covariances: np.ndarray, freedom: np.ndarray) -> tuple[float, float, float]:

@@ -1,9 +1,10 @@
 """What a comparison of recordings says."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
+from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, study_file, with_unit
 
 Record = Mapping[str, Any]
 MOVED = 3  # parameters that are named with their figures
@@ -13,6 +14,40 @@ CAUSES = "The plant changed between them, or the model lacks something that they
 def sentences(record: Record) -> list[Sentence]:
     """The verdict: whether the recordings agree, which one does not and what moved, what could not be tested."""
     return [*_first(record), *_spread(record), *_untested(record)]
+
+
+def answer_sentences(findings: Record) -> list[Sentence]:
+    """What the verdict of an answer says: which recordings disagree, and how intervals allow for it; nothing where they agree."""
+    section = findings.get("heterogeneity")
+    if not section:
+        return []
+    file = study_file(findings)
+    command = f"`plantfit compare-records {shlex.quote(file)}`" if file else "`pf.compare_records(answer)`"
+    if section["state"] == "left":
+        text = f"Whether the {len(section['recordings'])} recordings agree was not tested, as it takes long; {command} does it."
+        return [say("info", text)]
+    if section["agree"] is not False:
+        return []
+    return [*_first(section), _allowed_for(len(section["recordings"]), findings["parameters"], command)]
+
+
+def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
+    """The intervals that are wider, and what is not called determined any more."""
+    wider = [r for r in rows if r["by_noise"]]
+    if not wider:
+        return say("info", f"{command} fits each of them alone.")
+    wider.sort(key=lambda r: -r["standard_error"] / r["by_noise"]["standard_error"])
+    shown = [
+        f"that of {r['name']} is {with_unit(r['standard_error'], r['unit'])} instead of {number(r['by_noise']['standard_error'])}, its "
+        f"interval {number(r['low'])} to {with_unit(r['high'], r['unit'])}"
+        for r in wider[:MOVED]
+    ]
+    more = f"; {some([r['name'] for r in wider[MOVED:]])} likewise" if len(wider) > MOVED else ""
+    lost = [r["name"] for r in wider if r["by_noise"]["status"] == "determined" and r["status"] != "determined"]
+    text = f"Standard errors allow for the scatter between the {count} recordings: {'; '.join(shown)}{more}."
+    if lost:
+        text += f" {some(lost, 9)} {'is' if len(lost) == 1 else 'are'} not called determined for that."
+    return say("warning", f"{text} {command} fits each of them alone.", widened=len(wider), withdrawn=len(lost))
 
 
 def _first(record: Record) -> list[Sentence]:

@@ -110,7 +110,7 @@ def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
         "high": float(high),
         "open": None if not ends else ends[0] if len(ends) == 1 else "both",
         "limits": [float(v) if np.isfinite(v) else None for v in c.limits],
-        "status": "at bound" if bound else _judged(c, value, found, local.linear.sound),
+        "status": "at bound" if bound else judged(c, value, found, local.linear.sound),
     }
 
 
@@ -121,7 +121,7 @@ def _error(found: Range, value: float, c: Coordinate, linear: float, quantile: f
     return float(reach) if linear > CUT * reach else linear
 
 
-def _judged(c: Coordinate, value: float, found: Range, sound: bool) -> str:
+def judged(c: Coordinate, value: float, found: Range, sound: bool) -> str:
     """How well the data fix a value, by its range against its size or the size that matters: the box has no part in it.
 
     Where intervals are not `sound` nothing is called determined.

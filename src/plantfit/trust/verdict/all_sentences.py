@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from plantfit.optimize.contract import RunResult
+from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
@@ -22,6 +23,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *unseen_sentences(findings),
         *(findings.get("diagnosis") or {}).get("verdict", []),
         *_agreement(findings, best),
+        *answer_sentences(findings),
         *parameter_sentences(findings),
         *uncertainty_sentences(findings),
         *_combinations(findings),

@@ -143,6 +143,11 @@ def _diagnosed(findings: Findings) -> dict[str, bool]:
     return {"tried": bool(rounds), "named": any(r["found"] for r in rounds)}
 
 
+def _disagree(findings: Findings) -> bool:
+    """Whether recordings want other parameters: what is left then is no disturbance."""
+    return (findings.get("heterogeneity") or {}).get("agree") is False
+
+
 def _shift(findings: Findings, row: Row) -> str:
     """A constant error that makes up much of the unseen error: drift rather than dynamics."""
     if abs(row["bias"]) < 0.4 * row["rmse"]:
@@ -196,7 +201,7 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
-        if row["cross"]
+        if row["cross"] and not _disagree(findings)
         else "."
     )
     return say("warning", text, correlation=_next(row))

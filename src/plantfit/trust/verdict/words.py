@@ -1,6 +1,6 @@
 """How sentences of the verdict are made: levels, numbers with units, lists that stay short."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -61,3 +61,9 @@ def estimate(p: dict[str, Any]) -> str:
     else:
         body = f"{p['value']:.{digits}f} ± {error:.{digits}f}"
     return f"{p['name']} = {body} {p['unit'] or ''}".rstrip()
+
+
+def study_file(findings: Mapping[str, Any]) -> str:
+    """The study file of the command that made an answer; "" for an answer of Python."""
+    command = findings.get("reproduction", {}).get("command", "")
+    return command.removeprefix("plantfit run ") if command.startswith("plantfit run ") else ""

@@ -58,13 +58,15 @@ def _disagreement(p: Mapping[str, Any], one: Row, other: Row, record: Mapping[st
     size = f"{width:.2g} times as wide as that of" if width > WIDER or width < 1 / WIDER else "elsewhere than that of"
     said = (
         f"{p['name']}: the interval of {NAMES[other['kind']]} ({_ends(other)}{unit}) is {size} {NAMES[one['kind']]} "
-        f"({_ends(one)}{unit}): {_reason(one, other, width, record)}"
+        f"({_ends(one)}{unit}): {_reason(p, one, other, width, record)}"
     )
     return say("info" if other["kind"] in ("covariance", "verdict") else "warning", said)
 
 
-def _reason(one: Row, other: Row, width: float, record: Mapping[str, Any]) -> str:
+def _reason(p: Row, one: Row, other: Row, width: float, record: Mapping[str, Any]) -> str:
     kind = other["kind"]
+    if "verdict" in (kind, one["kind"]) and p.get("scatters"):
+        return "the recordings disagree on it; the verdict allows for that, the other kinds for the noise alone."
     if kind == "verdict" and not all(p["status"] == "determined" for p in record["parameters"]):
         return "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
     if kind in ("covariance", "verdict"):

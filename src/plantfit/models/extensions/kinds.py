@@ -1,0 +1,41 @@
+"""The additions to a model by name."""
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from plantfit.models.extensions import inputs, outputs, states
+from plantfit.models.model import Model
+
+
+class Kind(NamedTuple):
+    """An addition: what it is made to (a field of `Model`), how, and its sentence with the signal as {}.
+
+    `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these bounds (low, high).
+    """
+
+    to: Literal["inputs", "outputs", "states"]
+    make: Callable[[Model, str, tuple[float, float], str], Model]
+    sentence: str
+
+
+KINDS: dict[str, Kind] = {
+    "start": Kind("states", states.start, "{} begins above its initial value"),
+    "coulomb": Kind("states", states.coulomb, "dry friction slows {}"),
+    "quadratic": Kind("states", states.quadratic, "a drag slows {}, with the square of it"),
+    "dead_time": Kind("inputs", inputs.dead_time, "{} acts late"),
+    "lag": Kind("inputs", inputs.lag, "{} acts through a lag of first order"),
+    "dead_zone": Kind("inputs", inputs.dead_zone, "{} does nothing near zero"),
+    "saturation": Kind("inputs", inputs.saturation, "{} does nothing more beyond a size"),
+    "backlash": Kind("inputs", inputs.backlash, "{} acts through play"),
+    "sensor_lag": Kind("outputs", outputs.sensor_lag, "the sensor of {} is a lag of first order"),
+    "offset": Kind("outputs", outputs.offset, "the sensor of {} has an offset"),
+    "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),
+    "sensor_high": Kind("outputs", outputs.sensor_high, "the sensor of {} ends above"),
+    "sensor_low": Kind("outputs", outputs.sensor_low, "the sensor of {} ends below"),
+}
+"""In the order in which they are made: dynamics of the plant, what is before it, what is behind it."""
+
+
+def parameter_name(kind: str, signal: str) -> str:
+    """The parameter that an addition brings."""
+    return f"{kind}_{signal}"
