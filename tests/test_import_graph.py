@@ -23,10 +23,10 @@ def rooms_of_table() -> dict[str, set[str]]:
         text = allowed.strip()
         if text == "all above":
             names = set(named)
-        elif text == "contracts":
-            names = set(CONTRACTS)
         else:
             names = {n.strip() for n in text.split(",") if n.strip()}
+        if "contracts" in names:
+            names = names - {"contracts"} | CONTRACTS
         named[_room(room)] = names
     return named
 
