@@ -17,7 +17,7 @@ from plantfit.report.figures import style
 from plantfit.report.figures.control.loops import loop_figure
 from plantfit.report.figures.missing import share_figure
 from plantfit.report.figures.style import Figure
-from plantfit.report.pages.controller import COLUMNS, named, table_rows
+from plantfit.report.pages.controller import heads, named, table_rows
 
 SENSOR = 6.43  # deg/s, one step of the speed that the board reports
 SHOWN = 8  # rows of the table of what was tried
@@ -154,7 +154,7 @@ def controller_section(controller: Controller, files: Sequence[Path]) -> Section
         "tables": [
             {
                 "caption": "Beside the classical rules; kept by: share of the plants that keep overshoot and Ms",
-                "columns": COLUMNS,
+                "columns": list(heads(record)),
                 "rows": table_rows(record),
             }
         ],
