@@ -27,29 +27,37 @@ class Findings(Record):
     schema_version: int = VERSION
     """Of these records; another one where keys change their meaning or go."""
     name: str
+    """Of the problem."""
     recordings: list[Recording] = []
+    """Signals, measured and simulated."""
     scores: list[Score] = []
+    """How well fitted and unseen samples are followed, by recording, output and part."""
     residual_tests: list[ResidualTest] = []
+    """By recording and output."""
     data: list[Look] = []
     """What is odd about the recordings."""
     diagnosis: Diagnosis | None = None
     """None where none was made."""
     parameters: list[Parameter] = []
+    """Free ones in the order of the search, then fixed ones; tables entry by entry."""
     uncertainty: Uncertainty | None = None
     """None where no errors were stated."""
     standard_errors: StandardErrors | None = None
     tables: list[OperatingTable] = []
     smoothing: list[SmoothedTable] = []
     combinations: list[Combination] = []
+    """Of parameters that only act together, the least known first."""
     determined: Determined | None = None
     """None where the problem is not linearised: tables, many coordinates."""
     runs: list[Run] = []
     basins: list[Basin] = []
     agreement: Agreement | None = None
     weights: list[Weight] = []
+    """By output."""
     simulation: Simulation | None = None
     reproduction: Reproduction | None = None
     verdict: list[Sentence] = []
+    """What all of it means, in plain sentences."""
 
     @field_validator("schema_version")
     @classmethod
