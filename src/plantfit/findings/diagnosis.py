@@ -73,6 +73,7 @@ class Diagnosis(Record):
     write: list[str] = []
     """Lines of the study file."""
     evaluations: Number = None
+    """That it took."""
     allowed: Number = None
     """Evaluations that it might take; none where all was to be tried."""
     with_: list[str] = Field([], alias="with")

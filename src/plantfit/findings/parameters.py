@@ -30,18 +30,25 @@ class Parameter(Record):
     unit: str | None = None
     value: Number
     standard_error: Number = None
+    """None where the data do not determine the value, and for fixed ones."""
     low: Number = None
+    """Lower end of the interval."""
     high: Number = None
+    """Upper end."""
     open: Literal["lower", "upper", "both"] | None = None
     """Ends that the data do not set: `low` and `high` are bounds of the search there."""
     limits: list[Number] | None = None
     """Physical ones, lower and upper; none where the bounds are the prior (tables, more than 60 coordinates)."""
     lower_bound: Number = None
-    """Of the search, as `upper_bound`."""
+    """Of the search."""
     upper_bound: Number = None
+    """Of the search."""
     scale: Literal["linear", "log"] = "linear"
+    """How the search divides the range between the bounds."""
     at_bound: Literal["lower", "upper"] | None = None
+    """The bound of the search that the value is pressed on."""
     status: Status = "determined"
+    """How well the data fix the value: by its interval against its size, not against the bounds."""
     equal_answers: list[Number] | None = None
     """From, to: over runs of the same cost, where these leave the interval."""
     uncertainty: StatedUncertainty | None = None
@@ -62,7 +69,9 @@ class Combination(Record):
 
     sentence: str
     weights: dict[str, Number] = {}
+    """Relative changes by parameter, the largest 1."""
     relative_sd: Number = None
+    """Of the logarithm of the parameters along it."""
 
 
 class DeterminedCombination(Record):
@@ -99,6 +108,7 @@ class Determined(Record):
     """How many numbers the data fix: parameters, and combinations of those that they leave open one by one."""
 
     count: int
+    """Determined parameters and combinations."""
     of: int
     """Free parameters."""
     sound: bool
@@ -108,4 +118,4 @@ class Determined(Record):
     first_values: FirstValues | None = None
     combinations: list[DeterminedCombination] = []
     only_if: dict[str, KnownOther] = {}
-    """By parameter."""
+    """By parameter: the other one that has to be known."""

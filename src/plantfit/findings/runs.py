@@ -25,13 +25,16 @@ class Run(Record):
 
     method: str
     run: int
+    """Its number among those of the method, from 0."""
     seed: int | None = None
     cost: Number = None
+    """Mean square of the residuals over their scales, smoothing included."""
     rmse: Number = None
     """In the unit of one output; of several in their scales."""
     status: str = ""
+    """How the search ended: converged, budget, ..."""
     ended: str = ""
-    """How the local search on the final problem ended."""
+    """How it came to the final problem: searched, same point (as another run), cut, left, refused."""
     evaluations: Number = None
     seconds: Number = None
     failures: int = 0
@@ -50,6 +53,7 @@ class Basin(Record):
     cost: Number = None
     runs: int
     share: Number = None
+    """Of all runs with a cost."""
     parameters: dict[str, Number] = {}
 
 
@@ -72,19 +76,26 @@ class Agreement(Record):
     """Runs whose own search, run to its end on the final problem, reaches the lowest cost."""
 
     runs: int
+    """All of them."""
     agree: int
+    """Those that reach the lowest cost."""
     cost: Number = None
+    """The lowest one."""
     spent: int = 0
-    """Cut by their budget; of these so many were searched on, and so many reached the lowest cost:"""
+    """Runs that were cut by their budget."""
     spent_and_searched: int = 0
+    """Those of them that were searched on, on the final problem."""
     spent_and_agree: int = 0
+    """Those of them that reach the lowest cost."""
     cut: int = 0
-    """In the local search on the final problem."""
+    """Runs that were cut in the local search on the final problem."""
     left: int = 0
-    """Where their search had ended."""
+    """Runs that were left where their search had ended."""
     ended: str = ""
-    """How the reported answer did."""
+    """How the reported answer came to the final problem, as `ended` of a run."""
     ranges: dict[str, list[float]] = {}
-    """Of each parameter over runs of the lowest cost, exchanged terms aside: from, to."""
+    """By parameter, over runs of the lowest cost, exchanged terms aside: from, to."""
     answers: list[DistinctAnswer] = []
+    """Distinct answers of the lowest cost, the best first."""
     symmetries: list[SameModel] = []
+    """Exchanges and signs that make two answers the same model."""

@@ -19,10 +19,15 @@ class Simulation(Record):
 
     stepper: str = ""
     substeps: Any = None
+    """Steps between two samples."""
     recording: str = ""
+    """The one that was checked."""
     checked_with: str = ""
+    """The tight solver."""
     checked_samples: int | None = None
+    """So many of its samples were reached."""
     samples: int | None = None
+    """So many there are."""
     outputs: dict[str, SimulatedOutput] = {}
     refused: str = ""
     """Why an independent solver could not follow the answer."""

@@ -9,9 +9,13 @@ class StatedUncertainty(Record):
     """Standard uncertainties of one parameter: by noise, by stated errors and their sources, and together with the 95 % interval."""
 
     noise: Number = None
+    """By the residuals alone: the standard error."""
     shared: Number = None
+    """By all stated errors."""
     sources: dict[str, Number] = {}
+    """By each of them."""
     combined: Number = None
+    """Root of the sum of both squares."""
     low: Number = None
     high: Number = None
     degrees_of_freedom: Number = None

@@ -28,20 +28,26 @@ class Findings(Record):
     schema_version: int = VERSION
     """Of these records; another one where keys change their meaning or go."""
     name: str
+    """Of the problem."""
     recordings: list[Recording] = []
+    """Signals, measured and simulated."""
     scores: list[Score] = []
+    """How well fitted and unseen samples are followed, by recording, output and part."""
     residual_tests: list[ResidualTest] = []
+    """By recording and output."""
     data: list[Look] = []
     """What is odd about the recordings."""
     diagnosis: Diagnosis | None = None
     """None where none was made."""
     parameters: list[Parameter] = []
+    """Free ones in the order of the search, then fixed ones; tables entry by entry."""
     uncertainty: Uncertainty | None = None
     """None where no errors were stated."""
     standard_errors: StandardErrors | None = None
     tables: list[OperatingTable] = []
     smoothing: list[SmoothedTable] = []
     combinations: list[Combination] = []
+    """Of parameters that only act together, the least known first."""
     heterogeneity: Heterogeneity | None = None
     """None where there is nothing to test: one recording, nothing shared, a problem that is not linearised."""
     determined: Determined | None = None
@@ -50,9 +56,11 @@ class Findings(Record):
     basins: list[Basin] = []
     agreement: Agreement | None = None
     weights: list[Weight] = []
+    """By output."""
     simulation: Simulation | None = None
     reproduction: Reproduction | None = None
     verdict: list[Sentence] = []
+    """What all of it means, in plain sentences."""
 
     @field_validator("schema_version")
     @classmethod

@@ -9,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.findings.diagnosis import Diagnosis as Section
+from plantfit.findings.diagnosis import ResidualChange
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
@@ -122,7 +123,7 @@ def _after(found: Diagnosis) -> dict[str, Any]:
     return {"with": [a.name for a in best.at.additions], "residuals": list(_series(found, best.at))}
 
 
-def _series(found: Diagnosis, after: Fitted) -> Iterator[dict[str, Any]]:
+def _series(found: Diagnosis, after: Fitted) -> Iterator[ResidualChange]:
     given, rows = found.carrier.given, found.carrier.rows
     for name, e in given.experiments.items():
         for output in given.outputs:
@@ -132,7 +133,7 @@ def _series(found: Diagnosis, after: Fitted) -> Iterator[dict[str, Any]]:
                 both = found.base.residuals[at] * size, after.residuals[at] * size
             before, now = ([float(v) if np.isfinite(v) else None for v in one] for one in both)
             unit = given.model.outputs[output]
-            yield {"recording": name, "output": output, "unit": unit, "t": e.recording.t.tolist(), "before": before, "after": now}
+            yield ResidualChange(recording=name, output=output, unit=unit, t=e.recording.t.tolist(), before=before, after=now)
 
 
 __all__ = ["asked_for", "with_diagnosis"]

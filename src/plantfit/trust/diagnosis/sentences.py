@@ -1,10 +1,11 @@
 """What a diagnosis says: a plain record, sentences first."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from plantfit.findings import diagnosis as records
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis, Round, Trial
@@ -24,32 +25,32 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]
         "name": diagnosis.carrier.given.name,
         "verdict": [*_sentences(diagnosis, alone), *(say("info", text) for text in of_packages()[1])],
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
-        "rounds": [_round(diagnosis, r) for r in diagnosis.rounds],
+        "rounds": [_round(diagnosis, r).plain() for r in diagnosis.rounds],
         "dropped": [e.name for e in diagnosis.dropped],
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
     }
 
 
-def _round(diagnosis: Diagnosis, one: Round) -> dict[str, Any]:
-    return {
-        "beside": [e.name for e in one.given],
-        "needed": one.needed,
-        "found": [t.extension.name for t in one.found],
-        "likely": likelihood(diagnosis, one),
-        "untried": [e.name for e in one.untried],
-        "whole": one.whole,
-        "tried": [_trial(t) for t in one.trials],
-    }
+def _round(diagnosis: Diagnosis, one: Round) -> records.Round:
+    return records.Round(
+        beside=[e.name for e in one.given],
+        needed=one.needed,
+        found=[t.extension.name for t in one.found],
+        likely=likelihood(diagnosis, one),
+        untried=[e.name for e in one.untried],
+        whole=one.whole,
+        tried=[_trial(t) for t in one.trials],
+    )
 
 
-def _trial(t: Trial) -> dict[str, Any]:
+def _trial(t: Trial) -> records.Tried:
     e, later = t.extension, t.unseen_rmse
-    return {
-        "name": e.name, "kind": e.kind, "signal": e.signal, "parameter": e.parameter, "unit": e.unit, "value": t.value,
-        "standard_error": t.standard_error, "explained": t.explained, "evidence": t.evidence, "rmse": t.rmse[0], "rmse_with": t.rmse[1],
-        "unseen_rmse": None if later is None else later[0], "unseen_rmse_with": None if later is None else later[1],
-    }  # fmt: skip
+    return records.Tried(
+        name=e.name, kind=e.kind, signal=e.signal, parameter=e.parameter, unit=e.unit, value=t.value, standard_error=t.standard_error,
+        explained=t.explained, evidence=t.evidence, rmse=t.rmse[0], rmse_with=t.rmse[1],
+        unseen_rmse=None if later is None else later[0], unseen_rmse_with=None if later is None else later[1],
+    )  # fmt: skip
 
 
 def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
@@ -81,7 +82,7 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield from _left(d)
 
 
-def likelihood(d: Diagnosis, one: Round) -> str | None:
+def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "possibly"] | None:
     """How sure the sentence of a round is: "very likely", "likely", "possibly"; None where the round found nothing."""
     if not one.found:
         return None

@@ -33,7 +33,8 @@ def uncertainty_findings(
         budgets=reading_budgets(problem, errors),
     )
     places = {n: i for i, n in enumerate(found.names)}
-    return [{**row, "uncertainty": _of_row(row, found, places.get(row["name"]), errors)} for row in rows], section
+    stated = [_of_row(row, found, places.get(row["name"]), errors) for row in rows]
+    return [{**row, "uncertainty": s and s.plain()} for row, s in zip(rows, stated, strict=True)], section
 
 
 def _of_row(row: Row, found: ParameterUncertainty, at: int | None, errors: Sequence[SharedError]) -> StatedUncertainty | None:
