@@ -137,7 +137,7 @@ def tuned_loop(
     course, tracking = _course(small, wishes), _tracking(small, wishes)
     rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
     pid = pid_form(small, sign, wishes, rules, tracking)
-    forms = [pid] if wishes.controller in ("pid", "pi") else [lqi_form(ServoPlant.of(rest, small, wishes), small, wishes, tracking), pid]
+    forms = [pid] if wishes.controller in ("pid", "pi") else [lqi_form(ServoPlant.of(rest, small, wishes), small, wishes), pid]
     judges = {form.name: Judge.of(family, start, course, wishes.quantum, form.loop) for form in forms}
     slow, count = slowest(small), 1 + integrators(rest)
     w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
