@@ -156,7 +156,10 @@ def tune(
     chosen = _table(answer, control, wishes)
     model = answer.problem.model
     if not isinstance(model, Model):
-        raise ModelError("A regression has no plant to control; identify a model with states.")
+        raise ModelError(
+            "A regression has no plant that can be simulated, so no loop can be tuned; put its values into a model with states, or design "
+            "with lqr or mpc on its equations (docs/control.md)."
+        )
     output, input_ = _signal("output", chosen.output, tuple(model.outputs)), _signal("input", chosen.input, tuple(model.inputs))
     recording = _recording(answer, chosen.recording)
     drawn, plants, how = _family(answer, chosen, recording, draws, seed)
