@@ -94,13 +94,13 @@ class ServoPlant:
         seen = np.r_[self.C, [self.D] * bool(late), np.zeros(max(late - 1, 0))]
         q, r = jnp.outer(seen, seen) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
         k = doubled(jnp.asarray(moves), jnp.asarray(drive), q, r)[0][0]
-        # the state after the inputs ahead: powers of `moves`, known beforehand
-        powers = [np.eye(n + late)]
-        for _ in range(self.ahead):
-            powers.append(powers[-1] @ moves)
-        now = k @ powers[-1]
-        ahead = jnp.stack([k @ (p @ drive[:, 0]) for p in powers[:-1]]) if self.ahead else jnp.zeros(0)
-        past = jnp.concatenate([ahead, now[n:]])
+        # the state after the inputs ahead, by this one and by each of them
+        later, ways = np.eye(n + late), np.zeros((n + late, self.ahead))
+        for j in range(self.ahead):
+            ways[:, j] = later @ drive[:, 0]
+            later = later @ moves
+        now = k @ later
+        past = jnp.concatenate([k @ ways, now[n:]])
         states = jnp.append(now[:n], 1.0 + jnp.sum(past))  # the load is as good as an input that never changes
         a, b = np.zeros((n + 1, n + 1)), np.zeros((n + 1, size))
         a[:n, :n], a[:n, n], a[n, n], b[:n] = self.A, self.B.sum(axis=1), 1.0, self.B
