@@ -16,6 +16,7 @@ from plantfit.control.tune.loop_design import MOST_SAMPLES, LoopDesign, course_s
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
 from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.stated import JUDGES, given_draws, toleranced
 from plantfit.control.tune.told import curves, table, verdict
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import ModelError, SimulationError, SpecError
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 TRAIN = 80  # plants that gains are searched on; others judge them
 SHARES = (0.2, 0.35, 0.5, 0.8, 0.1, 0.05)  # of the recorded range of the output: steps that are proposed
+ALLOWED, STATED, GIVEN = "that the data allow", "within the stated tolerances", "of the given draws"
 RESOLVED = 5.0  # steps of the sensor that a proposed step of the set point has at least, where the range is as large
 LOADS = (0.1, 0.05, 0.02)  # of the input's range
 
@@ -46,6 +48,7 @@ class Controller:
     proposed: Mapping[str, str]
     output: str
     input: str
+    how: str = ALLOWED
 
     @property
     def gains(self) -> Gains:
@@ -62,7 +65,7 @@ class Controller:
         """Sentences with a level, good, info, warning or bad."""
         n = self.design.family.count
         free = {name: self.drawn.values[-n:, i] for i, name in enumerate(self.drawn.names)} if len(self.drawn.values) >= n else {}
-        told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n})
+        told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n}, self.how)
         if self.drawn.open:
             more = f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
             told.append({"level": "warning", "sentence": f"{more}: the plants spread over the whole range that the data allow."})
@@ -84,6 +87,7 @@ class Controller:
             "wishes": wishes,
             "proposed": dict(self.proposed),
             "plants": d.family.count,
+            "plants_are": self.how,
             "not_determined": list(self.drawn.open),
             "reduced": {
                 "how": d.reduced.how, "gain": d.reduced.first_order[0], "lag": lag, "dead_time": dead, "integrating": d.reduced.integrating,
@@ -107,12 +111,14 @@ class Controller:
         w, model, best = self.design.wishes, self.design.family.model, self.design.best
         told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
         first = self.verdict[0]["sentence"]
-        export: Callable[..., Any] = pid_to_c if isinstance(best.parameters, Gains) else servo_to_c
-        return export(
-            best.parameters, folder, period=w.period, lower=w.lower, upper=w.upper, anti_windup=w.anti_windup, number=number,
-            tracking_time=self.design.tracking_time, name=name or c_name(self.answer.problem.name, best.form.name),
-            units={k: v for k, v in told.items() if v}, note=f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
-        )  # fmt: skip
+        shared: dict[str, Any] = {
+            "period": w.period, "lower": w.lower, "upper": w.upper, "number": number,
+            "name": name or c_name(self.answer.problem.name, best.form.name), "units": {k: v for k, v in told.items() if v},
+            "note": f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
+        }  # fmt: skip
+        if not isinstance(best.parameters, Gains):
+            return servo_to_c(best.parameters, folder, **shared)
+        return pid_to_c(best.parameters, folder, anti_windup=w.anti_windup, tracking_time=self.design.tracking_time, **shared)
 
     def __repr__(self) -> str:
         from plantfit.report.pages.controller import settings
@@ -134,9 +140,13 @@ def tune(
     seed: int = 1,
     progress: Callable[[Any], None] | None = None,
     control: Mapping[str, Any] | None = None,
+    draws: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Controller:
     """A PID or LQI for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
+
+    The plants are others where tolerances={"tau": "10 %"} states them (evenly within value +- tolerance, all other parameters held), or
+    where `draws` holds them: arrays (n,) by name of the model's parameters, 100 plants or more.
 
     `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units or texts with a
     unit, such as set_point="60 degC", output="T1", controller="lqi", plants=500. They count before `control`, the table itself, by
@@ -146,18 +156,21 @@ def tune(
     chosen = _table(answer, control, wishes)
     model = answer.problem.model
     if not isinstance(model, Model):
-        raise ModelError("A regression has no plant to control; identify a model with states.")
+        raise ModelError(
+            "A regression has no plant that can be simulated, so no loop can be tuned; put its values into a model with states, or design "
+            "with lqr or mpc on its equations (docs/control.md)."
+        )
     output, input_ = _signal("output", chosen.output, tuple(model.outputs)), _signal("input", chosen.input, tuple(model.inputs))
     recording = _recording(answer, chosen.recording)
-    count = chosen.plants or 200
-    drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], count + TRAIN, seed)
-    loop = OneLoop(model, output, input_, _others(answer, model, input_, chosen, recording), _plants(answer, drawn, recording))
+    drawn, plants, how = _family(answer, chosen, recording, draws, seed)
+    count = len(drawn.values) - 1 - TRAIN
+    loop = OneLoop(model, output, input_, _others(answer, model, input_, chosen, recording), plants)
     proposed: dict[str, str] = {}
     final = _wishes(answer, loop, chosen, recording, proposed)
-    train, fresh = np.arange(0, TRAIN + 1), np.r_[0, np.arange(TRAIN + 1, TRAIN + count)]
+    train, fresh = np.arange(0, TRAIN + 1), np.r_[0, np.arange(TRAIN + 1, TRAIN + 1 + count)]
     design = tuned_loop(loop.part(train), loop.part(fresh), final, budget=budget, seed=seed, progress=progress)
     judged = replace(drawn, values=drawn.values[fresh][design.rows_used])
-    return Controller(answer, design, judged, proposed, output, input_)
+    return Controller(answer, design, judged, proposed, output, input_, how)
 
 
 def _table(answer: Answer, control: Mapping[str, Any] | None, wishes: Mapping[str, Any]) -> ControlTable:
@@ -209,6 +222,28 @@ def _others(answer: Answer, model: Model, input_: str, chosen: ControlTable, rec
         values = answer.problem.experiments[recording].recording[name]
         found[name] = float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
     return found
+
+
+def _family(
+    answer: Answer, chosen: ControlTable, recording: str, draws: Mapping[str, Any] | None, seed: int
+) -> tuple[Plausible, dict[str, np.ndarray], str]:  # fmt: skip
+    """The best fit, `TRAIN` plants to search on, others to judge: what is drawn, parameters of the model by name, what the plants are."""
+    if draws is None and not chosen.tolerances:
+        drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], (chosen.plants or 200) + TRAIN, seed)
+        drawn = replace(drawn, values=drawn.values[:-1])  # the best fit is one of the plants
+        return drawn, _plants(answer, drawn, recording), ALLOWED
+    if draws is not None and chosen.tolerances:
+        raise SpecError("Both draws and tolerances are given; the plants can be of one of them.")
+    best = np.asarray(answer.problem.space.physical(np.asarray(answer.best.x)), dtype=float)[None]
+    held = {n: v[0] for n, v in _plants(answer, Plausible((), best, (), 1.0), recording).items()}
+    if draws is not None:
+        plants, names, how = given_draws(held, draws, TRAIN + 20), tuple(draws), GIVEN
+    else:
+        unit = {p.name: p.unit for p in answer.problem.model.parameters}
+        count, names, how = (chosen.plants or JUDGES) - 1, tuple(chosen.tolerances), STATED
+        plants = toleranced(held, chosen.tolerances, unit, count + TRAIN, seed)
+    single = [n for n in names if plants[n].ndim == 1]
+    return Plausible(tuple(single), np.stack([plants[n] for n in single], axis=1), (), 1.0), plants, how
 
 
 def _plants(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.ndarray]:

@@ -144,3 +144,43 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
     assert "Traceback" not in said.err
     said = call(capsys, monkeypatch, "tune", "heater.toml", "--set-point", "45 bar")
     assert said.code == 4
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--tolerance", "10 %")
+    assert said.code == 7
+    assert "--tolerance '10 %' names no parameter; write for example 'tau=10 %'" in said.err
+    said = call(capsys, monkeypatch, "tune", "heater.toml", "--tolerance", "T=10 %")
+    assert said.code == 7
+    assert "[control] tolerances names 'T'; the model has the parameters" in said.err
+
+
+@pytest.mark.slow
+def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_plants_within_three_percent(place, tmp_path):
+    """Both forms, 1000 plants that judge and 1000 others of the same distribution; page and C file of the LQI."""
+    import plantfit as pf
+    from plantfit.control.tune.frequency import frequencies, sampled_response
+    from plantfit.control.tune.loop_design import FINE, judged_on
+    from plantfit.control.tune.loop_scores import Judge
+    from plantfit.control.tune.reduction import slowest
+    from plantfit.control.tune.stated import toleranced
+    from plantfit.report.pages.controller import write_controller_page
+
+    asked = {"tau": "15 %", "L": "30 %", "K": "15 %"}
+    answer = pf.open_study("heater", store=str(place / "plantfit.db"))
+    found = pf.tune(answer, budget=100, tolerances=asked, plants=1000, controller="lqi")
+    d, w = found.design, found.design.wishes
+    assert "plants within the stated tolerances, " in found.verdict[0]["sentence"]
+    page = write_controller_page(found.record, found.curves, tmp_path / "page.html").read_text("utf-8")
+    assert "LQI on plants within the stated tolerances" in page
+    assert "A PID tuned on the same plants: " in page
+    assert found.to_c(tmp_path).source.name == "heater_lqi.c"
+    assert repr(found).startswith("LQI of T by u: K (")
+    best = {n: v[0] for n, v in d.family.plants.items()}
+    fresh = d.family.part(slice(0, 1))
+    fresh = type(fresh)(fresh.model, fresh.output, fresh.input, fresh.others, toleranced(best, asked, {}, 1000, 99))
+    start, rest = (fresh.at_rest(level, (w.lower, w.upper)) for level in (w.set_point - w.step, w.set_point))
+    f = frequencies(w.period, slowest(d.reduced), FINE)
+    h = sampled_response(rest, w.period, f)
+    for row in d.rows:
+        judge = Judge.of(fresh, start, d.course, w.quantum, row.form.loop)
+        share = float(np.mean(judged_on(judge, row.form, [row.parameters], h, f, w, 1).kept))
+        print(f"{row.name} ({row.form.name}): promised {100 * row.share:.1f} %, fresh {100 * share:.1f} %")
+        assert share == pytest.approx(row.share, abs=0.03)

@@ -1,5 +1,7 @@
 """PIDs tuned over families of plants of known distribution, against plain numpy loops and fresh draws; and what must be refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.frequency import frequencies, sampled_response
 from plantfit.control.tune.loop_design import BEST_FIT, judged_on
 from plantfit.control.tune.loop_scores import Judge
+from plantfit.control.tune.plant_checks import sign_of
 from plantfit.control.tune.proposals import noise_of, quantum_of
 from plantfit.control.tune.told import verdict
 from plantfit.errors import SimulationError
@@ -126,6 +129,18 @@ def test_data_that_are_too_poor_are_told_with_the_parameter_to_blame():
     assert "comes from L: measure it better" in told
 
 
+def test_plants_of_the_other_sign_are_counted_and_told(design):
+    mixed = OneLoop(
+        LAG, "z", "u", {}, {"K": np.array([2.0, -2.0, 1.0, 3.0]), "tau": np.full(4, 10.0), "L": np.full(4, 2.0), "c": np.ones(4)}
+    )
+    sign, wrong = sign_of(mixed.at_rest(5.0, (-10.0, 0.0, 10.0)))
+    assert sign == 1
+    np.testing.assert_array_equal(wrong, [False, True, False, False])
+    sentence = "25 % of the plants have a gain of the other sign, which no controller of one sign can hold."
+    assert sentence in [v["sentence"] for v in verdict(replace(design, right_sign=0.75), {})]
+    assert sentence not in [v["sentence"] for v in verdict(design, {})]
+
+
 def test_an_integrating_plant_is_tuned():
     tank = equations(
         "y' = K*delay(u, L) + leak\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "L", "leak"], name="tank"
@@ -162,6 +177,10 @@ def test_what_cannot_be_tuned_is_said():
     assert "shorter than four times the dead time" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, horizon=5.0))
     assert "No constant u holds z" in refused(LAG, plain | {"K": 0.0}, WISHES)
     assert "Against a load of 9 V" in refused(LAG, plain, Wishes(5.0, 2.0, 9.0, 0.5, -5.0, 10.0))
+    drift = equations("y' = K*u + d - y\nd' = 0*u\nz = y", inputs=["u"], states=["y", "d"], outputs=["z"], parameters=["K"], name="drift")
+    assert "u does not reach 'd', which keeps any value that it has" in refused(drift, {"K": 1.0}, WISHES)
+    grows = equations("y' = K*u + d - y\nd' = d\nz = y", inputs=["u"], states=["y", "d"], outputs=["z"], parameters=["K"], name="grows")
+    assert "is unstable at z = 5: a pole at +1 1/s" in refused(grows, {"K": 1.0}, WISHES).replace("z = 5 :", "z = 5:")
     static = equations("z = k*u", inputs=["u"], outputs=["z"], parameters=["k"], name="gain")
     assert "is static" in refused(static, {"k": 1.0}, WISHES)
     assert "samples of 0.001 s; give a longer period" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.001, -10.0, 10.0, horizon=500.0))

@@ -192,6 +192,7 @@ class ControlTable(_Table):
     anti_windup: Literal["clamping", "back-calculation", "none"] | None = None
     recording: str | None = None
     inputs: dict[str, float | str] = {}
+    tolerances: dict[str, float | str] = {}
 
 
 Quantity = float | str

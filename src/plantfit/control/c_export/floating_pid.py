@@ -79,21 +79,20 @@ def floating_pid(name: str, gains: Gains, settings: Settings, real: str) -> tupl
         more="".join(f"{line}\n" for line in more),
         past="FILTER_TIME * state->derivative + " if past else "",
         clip=clipped("command", settings.lower, settings.upper, real),
-        windup=windup(settings, real),
+        windup=_windup(settings, real),
     )
     return declared, defined
 
 
-def windup(settings: Settings, real: str, origin: float = 0.0) -> str:
-    """Statements that keep the integral from `integral`, `added`, `wanted` and `command`, the last two counted from `origin`."""
+def _windup(settings: Settings, real: str) -> str:
     if settings.anti_windup == "back-calculation":
         return "    state->integral = integral + FOLLOW * (command - wanted);\n"
     zero, beyond = literal(0.0, real), []
     if settings.anti_windup == "clamping":
         if math.isfinite(settings.upper):
-            beyond.append(f"(wanted > {literal(settings.upper - origin, real)} && added > {zero})")
+            beyond.append(f"(wanted > {literal(settings.upper, real)} && added > {zero})")
         if math.isfinite(settings.lower):
-            beyond.append(f"(wanted < {literal(settings.lower - origin, real)} && added < {zero})")
+            beyond.append(f"(wanted < {literal(settings.lower, real)} && added < {zero})")
     if not beyond:
         return "    state->integral = integral;\n"
     why = "    /* the integral rests while it would drive the command further beyond a limit */\n"

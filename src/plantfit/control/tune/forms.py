@@ -1,5 +1,6 @@
 """Forms of controllers that one search and one judgement serve: a PID, and an LQ servo with its filter."""
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -77,27 +78,24 @@ def isa_of(gains: Gains) -> Isa:
     return Isa(gains.Kp, gains.Kp / gains.Ki if gains.Ki else math.inf, gains.Kd / gains.Kp if gains.Kp else 0.0, gains.b)
 
 
-def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes, tracking_time: float | None) -> Form:
-    """An LQ servo on the linearised best fit, in the weights of input and integral, the speed of its filter and the set-point weight."""
-    slow, dead = slowest(small), small.first_order[2]
+def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
+    """An LQ servo on the linearised best fit, in the weight of its input, the loads that its filter expects and the speed of its set
+    point."""
+    total = slowest(small) + small.first_order[2]
     space = Space({
         "rho": Parameter((1e-5, 1e3), scale="log"),
-        "Ti": Parameter((0.05 * dead, 30.0 * (slow + dead)), scale="log"),
         "wander": Parameter((1e-2, 1e4), scale="log"),
-        "b": Parameter((0.0, 1.0)),
+        "shake": Parameter((1e-3, 1e4), scale="log"),
+        "seconds": Parameter((0.01 * total, 3.0 * total), scale="log"),
     })  # fmt: skip
 
     def made(z):
-        rho, ti, wander, b = space.physical(z)
-        return plant.servo(rho, ti, wander, b)
+        return plant.servo(*space.physical(z))
 
     def response(parameters: Servo, w, xp=np):
         return servo_response(parameters, wishes.period, w, xp)
 
-    options = {"lower": wishes.lower, "upper": wishes.upper, "anti_windup": wishes.anti_windup, "tracking_time": tracking_time}
-    loop = servo(wishes.period, **options)
-    starts = [
-        space.cube(np.array([rho, share * (slow + dead), wander, 0.5])) for rho in (0.01, 0.3, 3.0) for share in (0.3, 1.0)
-        for wander in (1.0, 30.0)
-    ]  # fmt: skip
-    return Form("LQI", space, made, response, loop, lambda parameters: unstable_poles(parameters, wishes.period), np.stack(starts))
+    loop = servo(wishes.period, lower=wishes.lower, upper=wishes.upper)
+    each = itertools.product((0.01, 0.3, 3.0), (1.0, 10.0, 100.0), (0.1, 10.0))
+    starts = np.stack([space.cube(np.array([*three, 0.1 * total])) for three in each])
+    return Form("LQI", space, made, response, loop, unstable_poles, starts)

@@ -108,7 +108,8 @@ def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0
         ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
     turned = np.unwrap(np.angle(1.0 + loop), axis=1)
     # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
-    behind = np.where(np.real(loop[:, 0] * 1j**integrators) < 0, np.pi, 0.0)
+    far = loop[:, 0] if integrators else 1.0 + loop[:, 0]
+    behind = np.where(np.real(far * 1j**integrators) < 0, np.pi, 0.0)
     begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
     begin = (begin + np.pi) % (2 * np.pi) - np.pi
     outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)

@@ -13,7 +13,7 @@ from plantfit.control.tune.forms import Form, lqi_form, pid_form
 from plantfit.control.tune.frequency import Margins, frequencies, margins, sampled_response
 from plantfit.control.tune.loop_scores import Judge, LoopScores, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
-from plantfit.control.tune.plant_checks import check_dead_time, check_holds, held_by_limits, sign_of, with_rest
+from plantfit.control.tune.plant_checks import check_dead_time, check_holds, check_reached, held_by_limits, sign_of, with_rest
 from plantfit.control.tune.reduction import Reduced, integrators, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.search import Search
@@ -126,6 +126,7 @@ def tuned_loop(
     rests = [[plant.at_rest(level, middle) for level in levels] for plant in (train, family)]
     start, rest = rests[1]
     check_holds(family, start, rest, wishes)
+    check_reached(family, rest)
     sign, wrong = sign_of(rest)
     whole = [with_rest(pair) for pair in rests]
     held, right = float(np.mean(held_by_limits(rests[1], wishes))), float(1.0 - np.mean(wrong))
@@ -137,7 +138,7 @@ def tuned_loop(
     course, tracking = _course(small, wishes), _tracking(small, wishes)
     rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
     pid = pid_form(small, sign, wishes, rules, tracking)
-    forms = [pid] if wishes.controller in ("pid", "pi") else [lqi_form(ServoPlant.of(rest, small, wishes), small, wishes, tracking), pid]
+    forms = [pid] if wishes.controller in ("pid", "pi") else [lqi_form(ServoPlant.of(rest, small, wishes), small, wishes), pid]
     judges = {form.name: Judge.of(family, start, course, wishes.quantum, form.loop) for form in forms}
     slow, count = slowest(small), 1 + integrators(rest)
     w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plantfit.control.tune.one_loop import OneLoop, Rest
-from plantfit.control.tune.reduction import Reduced, gain_of, poles
+from plantfit.control.tune.reduction import Reduced, gain_of, integrators, poles
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError
 
@@ -77,6 +77,26 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
             f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; use lqr or mpc "
             "(docs/control.md)."
         )
+
+
+def check_reached(plant: OneLoop, rest: Rest) -> None:
+    """Of the best fit: the input moves every state that does not come to rest by itself (Hautus: [A, B] has full rank at a pole of 0)."""
+    n = rest.A.shape[-1]
+    if not np.all(np.isfinite(rest.A[0])) or not integrators(rest):
+        return
+    moved = np.c_[rest.A[0], rest.B[0].sum(axis=0)[:, None]]
+    size = np.max(np.abs(moved), axis=1, keepdims=True)
+    size[size == 0] = 1.0
+    moved = moved / size
+    left, strength, _ = np.linalg.svd(moved)
+    if strength[n - 1] > 1e-9 * strength[0]:
+        return
+    names = plant.vector.states
+    state = names[int(np.argmax(np.abs(left[:, n - 1] / size[:, 0])))]
+    raise SimulationError(
+        f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that no controller brings it to "
+        f"rest; drive it by another input, or make it a parameter of the model."
+    )
 
 
 def _reach(plant: OneLoop, wishes: Wishes) -> str:

@@ -1,4 +1,4 @@
-"""From four numbers to an LQ servo for one identified plant: its sampled matrices with dead time, both Riccati equations, its set point."""
+"""From four numbers to an LQ servo for one identified plant: sampled matrices with dead time, both Riccati equations, the set point."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,8 +24,9 @@ MOST_PAST = 300  # inputs on their way through dead time
 class ServoPlant:
     """One plant at rest as `linear.servo` takes it: A (n, n), B (n, p + 1), C (n,), D (), u0, y0, and what its weights are counted in.
 
-    `noise` (n, n) is the covariance that a wander of the input by `u_size` in `slow` seconds adds in a period; `target` (n + 1,) states and
-    input at rest where the output is 1 higher; the first `ahead` of the past inputs have not yet reached any state.
+    `wander` and `shake` (n + 1, n + 1) are covariances, of states and load, that a load which wanders by `u_size` in `slow` seconds and a
+    white noise on the input of that size add in a period; `target` (n + 1,) states and input at rest where the output is 1 higher; the
+    first `ahead` of the past inputs have not yet reached any state.
     """
 
     A: np.ndarray
@@ -37,7 +38,9 @@ class ServoPlant:
     period: float
     step: float
     u_size: float
-    noise: np.ndarray
+    slow: float
+    wander: np.ndarray
+    shake: np.ndarray
     target: np.ndarray
     ahead: int
 
@@ -65,43 +68,46 @@ class ServoPlant:
             )
         k, slow = small.first_order[0], slowest(small)
         u_size = abs(wishes.step / (k * slow if small.integrating else k))
-        drive = rest.B[at].sum(axis=0) * u_size / np.sqrt(slow)
-        noise = sampled_noise(rest.A[at], np.outer(drive, drive), period)
+        moves, size = np.zeros((n + 1, n + 1)), u_size / np.sqrt(slow)
+        moves[:n, :n], moves[:n, n] = rest.A[at], rest.B[at].sum(axis=0)
+        sources = np.r_[np.zeros(n), size], np.r_[moves[:n, n] * u_size * np.sqrt(slow), 0.0]
+        wander, shake = (sampled_noise(moves, np.outer(v, v), period) for v in sources)
         target = np.linalg.solve(whole, np.r_[np.zeros(n), 1.0])
-        return cls(a, b, c, d, float(rest.u[at]), wishes.set_point, period, abs(wishes.step), u_size, noise, target, ahead)
+        u0, y0, step = float(rest.u[at]), wishes.set_point, abs(wishes.step)
+        return cls(a, b, c, d, u0, y0, period, step, u_size, slow, wander, shake, target, ahead)
 
-    def servo(self, rho: Any, ti: Any, wander: Any, b: Any) -> Servo:
-        """The servo of least sum of (y/step)^2 + (integral of y/(step ti))^2 + rho (u/u_size)^2, with the filter for an input that wanders
-        and for a measurement noise of a step; jax-traceable. The set point enters with weight `b`: 1 asks at once for the input and
-        states that rest there, 0 leaves it to the integral.
+    def servo(self, rho: Any, wander: Any, shake: Any, seconds: Any) -> Servo:
+        """The servo of least sum of (y/step)^2 + rho (u/u_size)^2, with the filter for a load that wanders and an input that is shaken by
+        these multiples of `u_size`, and a measurement noise of a step; the set point is followed within `seconds`. jax-traceable.
 
         The inputs that are still ahead of the plant cannot be changed: the gain is that of the plant without this dead time, on the state
         that they lead to. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., sections 11.2 - 11.4.
         """
         n, size = len(self.A), self.B.shape[1]
         late = size - 1 - self.ahead  # past inputs, after those ahead, that are states of the plant without dead time
-        moves, drive = np.zeros((n + late + 1,) * 2), np.zeros((n + late + 1, 1))
+        moves, drive = np.zeros((n + late,) * 2), np.zeros((n + late, 1))
         moves[:n, :n], drive[:n, 0] = self.A, self.B[:, self.ahead]
-        moves[:n, n : n + late] = self.B[:, self.ahead + 1 :]
+        moves[:n, n:] = self.B[:, self.ahead + 1 :]
         if late:
             drive[n, 0] = 1.0
-            moves[n + 1 : n + late, n : n + late - 1] = np.eye(late - 1)
-        seen = np.r_[self.C, [self.D] * bool(late), np.zeros(max(late - 1, 0)), 0.0]
-        moves[-1, -1] = 1.0
-        moves[-1] -= self.period * seen
-        last = np.eye(n + late + 1)[-1]
-        q = (jnp.outer(seen, seen) + jnp.outer(last, last) / ti**2) / self.step**2
-        k = doubled(jnp.asarray(moves), jnp.asarray(drive), q, jnp.reshape(rho / self.u_size**2, (1, 1)))[0][0]
-        # the state after the inputs ahead: powers of `moves`, known beforehand
-        powers = [np.eye(n + late + 1)]
-        for _ in range(self.ahead):
-            powers.append(powers[-1] @ moves)
-        now = k @ powers[-1]
-        ahead = jnp.stack([k @ (p @ drive[:, 0]) for p in powers[:-1]]) if self.ahead else jnp.zeros(0)
-        states, past = now[:n], jnp.concatenate([ahead, now[n : n + late]])
-        gain = doubled(jnp.asarray(self.A.T), jnp.asarray(self.C[:, None]), jnp.asarray(self.noise) * wander**2,
-                       jnp.reshape(self.step**2, (1, 1)))[1]  # fmt: skip
-        gain = gain @ self.C / (self.C @ gain @ self.C + self.step**2)
-        f = b * (states @ self.target[:n] + (1.0 + jnp.sum(past)) * self.target[n])
-        fixed = (jnp.asarray(v) for v in (self.A, self.B, self.C, self.D))
-        return Servo(*fixed, gain, states, past, -now[-1], f, jnp.asarray(self.u0), jnp.asarray(self.y0))
+            moves[n + 1 :, n:-1] = np.eye(late - 1)
+        seen = np.r_[self.C, [self.D] * bool(late), np.zeros(max(late - 1, 0))]
+        q, r = jnp.outer(seen, seen) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
+        k = doubled(jnp.asarray(moves), jnp.asarray(drive), q, r)[0][0]
+        # the state after the inputs ahead, by this one and by each of them
+        later, ways = np.eye(n + late), np.zeros((n + late, self.ahead))
+        for j in range(self.ahead):
+            ways[:, j] = later @ drive[:, 0]
+            later = later @ moves
+        now = k @ later
+        past = jnp.concatenate([k @ ways, now[n:]])
+        states = jnp.append(now[:n], 1.0 + jnp.sum(past))  # the load is as good as an input that never changes
+        a, b = np.zeros((n + 1, n + 1)), np.zeros((n + 1, size))
+        a[:n, :n], a[:n, n], a[n, n], b[:n] = self.A, self.B.sum(axis=1), 1.0, self.B
+        c, noise = np.append(self.C, self.D), self.wander * wander**2 + self.shake * shake**2
+        spread = doubled(jnp.asarray(a.T), jnp.asarray(c[:, None]), noise, jnp.full((1, 1), self.step**2))[1]
+        gain = spread @ c / (c @ spread @ c + self.step**2)
+        f = now[:n] @ self.target[:n] + (1.0 + jnp.sum(past)) * self.target[n]
+        fixed = (jnp.asarray(v) for v in (a, b, c, self.D))
+        share = self.period / (self.period + seconds)
+        return Servo(*fixed, gain, states, past, f, share, *(jnp.asarray(v) for v in (self.target, self.u0, self.y0)))

@@ -80,7 +80,10 @@ def _compared(best: Row, pid: Row) -> str:
     """The same search for a PID beside another form."""
     pairs = ((pid.scores.iae, best.scores.iae), (pid.scores.load_iae, best.scores.load_iae))
     step, load = (other / own if own > 0 else np.inf for other, own in pairs)
-    told = f"A PID tuned on the same plants: {_percent(pid.share)} keep it; IAE of its step {step:.2f} times, of its load {load:.2f} times"
+    told = (
+        f"A PID tuned on the same plants: {_percent(pid.share)} keep the wishes, with {step:.2f} times the IAE of the step and {load:.2f} "
+        "times that of the load"
+    )
     if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
         return f"{told}: {best.form.name} gains nothing here."
     return f"{told}."

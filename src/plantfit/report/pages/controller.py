@@ -47,10 +47,10 @@ def settings(record: Record) -> str:
             f"Kp {best['Kp']:.6g}{per['Kp']}, Ki {best['Ki']:.6g}{per['Ki']}, Kd {best['Kd']:.6g}{per['Kd']}, b {best['b']:.3g}, "
             f"filter {best['filter_time']:.3g} s"
         )
-    states, gain = (", ".join(f"{v:.5g}" for v in best[name]) for name in ("K", "gain"))
+    *states, load = best["K"]
     return (
-        f"K ({states}) of the states, Ki {best['Ki']:.5g}{per['Ki']}, set point {best['f']:.5g}{per['Kp']}, "
-        f"{len(best['P'])} past inputs, filter ({gain})"
+        f"K ({', '.join(f'{v:.5g}' for v in states)}) of the states, {load:.4g} of the load, set point {best['f']:.5g}{per['Kp']}, "
+        f"{len(best['P'])} past inputs, filter ({', '.join(f'{v:.4g}' for v in best['gain'])})"
     )
 
 
@@ -110,7 +110,7 @@ def write_controller_page(record: Record, curves: Mapping[str, Any], path: str |
     sources = "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"][2 if has_gains else 3 :])
     page = {
         "title": f"Controller of {record['name']}",
-        "subtitle": f"{record['output']['name']} by {record['input']['name']}: {form} on the plants that the data allow",
+        "subtitle": f"{record['output']['name']} by {record['input']['name']}: {form} on plants {record['plants_are']}",
         "sections": [
             {"title": "Verdict", "sentences": [*sentences(record), told]},
             {"title": "Asked for", "sentences": asked(record)},

@@ -25,6 +25,10 @@ def tune(
     ms: Annotated[float | None, typer.Option("--ms", help="Largest sensitivity Ms.")] = None,
     share: Annotated[float | None, typer.Option("--share", help="Share of the plants that has to keep both, 0 to 1.")] = None,
     horizon: Annotated[str | None, typer.Option("--horizon", help="Seconds of step and load together.")] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", help='Plants within "tau=10 %" or "L=2 s" of the best fit, in place of those that the data allow.'),
+    ] = None,
     plants: Annotated[int | None, typer.Option("--plants", help="Plants that judge the controller.")] = None,
     budget: Annotated[int, typer.Option("--budget", help="Controllers to try.")] = 400,
     seed: Annotated[int, typer.Option("--seed", help="Same seed, same answer.")] = 1,
@@ -35,11 +39,12 @@ def tune(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
     """A PID or LQI from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
-    from plantfit.cli.commands.design.tuned_study import asked_of
+    from plantfit.cli.commands.design.tuned_study import asked_of, tolerances_of
 
     wishes: dict[str, Any] = {
         "step": step, "load": load, "output": output, "input": input_, "controller": controller, "period": period, "lower": lower,
         "upper": upper, "overshoot": overshoot, "ms": ms, "share": share, "horizon": horizon, "plants": plants,
+        "tolerances": tolerances_of(tolerance or []),
     }  # fmt: skip
     loaded, wishes = asked_of(spec, set_point or [], wishes)
     from plantfit.cli.arguments.file_names import file_name

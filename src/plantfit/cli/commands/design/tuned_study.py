@@ -35,6 +35,17 @@ def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) ->
     return table, found
 
 
+def tolerances_of(texts: Sequence[str]) -> dict[str, str] | None:
+    """By name, of texts such as "tau=10 %"; None for no text. Raises SpecError."""
+    found = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise SpecError(f"--tolerance {text!r} names no parameter; write for example 'tau=10 %'.")
+        found[name.strip()] = value.strip()
+    return found or None
+
+
 def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
     """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was another problem."""
     from plantfit.study import Store
