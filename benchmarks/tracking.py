@@ -1,7 +1,8 @@
 """How often `plantfit track` raises a false alarm, and how soon it sees a parameter change: python -m benchmarks.tracking
 
-Two plants with known truth, simulated outside plantfit: the motor of a small robot with current and speed measured (linear, by exact
-discretisation) and a tank that empties by Torricelli (nonlinear, by Euler-Maruyama in 50 steps a sample), both with process noise. A
+Three plants with known truth, simulated outside plantfit: the motor of a small robot with current and speed measured (linear, by exact
+discretisation), a tank that empties by Torricelli (nonlinear, by Euler-Maruyama in 50 steps a sample) and a heater with a dead time of 6.6
+samples (by exact discretisation between the edges of its late input), all with process noise. A
 study of one record finds parameters and levels; then new records of the same plant are tracked. A false alarm is any alarm
 over a whole record of a healthy plant, five times as long as the study's. A change happens after a fifth of such a record.
 """
@@ -116,9 +117,45 @@ def tank_problem(recording: Recording) -> Problem:
     return Problem(model, recording)
 
 
+HEATER = {"K": 0.8, "tau": 12.0, "L": 3.3}
+
+
+def heater_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0) -> Recording:
+    """The rise of temperature under 0 to 100 % of power, a sample every 0.5 s."""
+    h, x, y = 0.5, 40.0 + 5.0 * rng.standard_normal(), np.empty(n)
+    power = excitation(rng, n, kind, 0.0, 100.0, 15)
+    push = rng.standard_normal(n)
+    for k in range(n):
+        y[k] = x
+        p = then if then is not None and k >= after else HEATER
+        whole, share = divmod(p["L"] / h, 1.0)
+        old, new = power[max(k - int(whole) - 1, 0)], power[max(k - int(whole), 0)]
+        f, edge = np.exp(-h / p["tau"]), np.exp(-h * (1.0 - share) / p["tau"])
+        x = f * x + p["K"] * ((edge - f) * old + (1.0 - edge) * new) + 0.3 * np.sqrt(0.5 * p["tau"] * (1.0 - f * f)) * push[k]
+    return from_arrays(period=h, signals={"u": (power, "%"), "T": (y + 0.1 * rng.standard_normal(n), "K")}, name="run")
+
+
+def heater_problem(recording: Recording) -> Problem:
+    """The heater, its boxes not centred at the truth."""
+    model = equations(
+        "T' = (K*delay(u, L) - T)/tau",
+        name="heater",
+        inputs={"u": "%"},
+        states={"T": {"unit": "K", "initial": 40.0}},
+        outputs={"T": "K"},
+        parameters={
+            "K": {"unit": "K/%", "bounds": (0.1, 9.0), "scale": "log"},
+            "tau": {"unit": "s", "bounds": (2.0, 90.0), "scale": "log"},
+            "L": {"unit": "s", "bounds": (0.0, 10.0)},
+        },
+    )
+    return Problem(model, recording)
+
+
 PLANTS = (
     Plant("motor", MOTOR, 1000, motor_problem, motor_record),
     Plant("tank", TANK, 600, tank_problem, tank_record),
+    Plant("heater", HEATER, 600, heater_problem, heater_record),
 )
 
 

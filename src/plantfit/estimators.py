@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 LEAST_SQUARES, LIKELIHOOD = "least squares", "maximum likelihood"
 FILTERS = {"ekf": "EKF", "ukf": "UKF", "kalman": "Kalman filter"}
-NEAR = 5.0  # standard errors of the answer that a filter begins with where the box misleads it; narrows its intervals by 2 %
+NEAR = 5.0  # standard errors that a filter begins with near the answer; narrows its intervals by 2 %
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -262,21 +262,26 @@ def _filtered(
         for n, v in held.items()
     ]
     found: dict[str, Runs] = {}
+    twice: list[str] = []
     for method in dict.fromkeys(m for m in table.methods if m in FILTERS):
         say(FILTERS[method])
         if method == "kalman":
             found[method] = over_recordings(_plain, problem, noise, (), at=believed, prior={}, drift={})
             continue
         begun: Runs | None = None
+        run = partial(over_recordings, kinds[method], problem, noise, names, made={})
         if table.begin == "box":
             prior, drift = told.spreads(problem, names, held)
             with suppress(SimulationError):
-                begun = over_recordings(kinds[method], problem, noise, names, at=held, prior=prior, drift=drift)
+                begun = run(at=held, prior=prior, drift=drift)
+                if not prior and not drift:  # what is known beforehand counts once, and what wanders ends elsewhere than it began
+                    begun = _again(run, problem, begun.estimate, believed, held, names)
+                    twice.append(FILTERS[method])
         if begun is None or _too_sure(begun):
             at = _inside(problem, believed)
             prior, drift = told.spreads(problem, names, at)
             near = _near(problem, at, errors, names)
-            again = over_recordings(kinds[method], problem, noise, names, at=at, prior=near | prior, drift=drift)
+            again = run(at=at, prior=near | prior, drift=drift)
             if table.begin == "box":
                 why = "it diverged" if begun is None else f"its innovations were {_factor(begun):.2g} times as large as it expected"
                 remarks.append(
@@ -284,7 +289,26 @@ def _filtered(
                 )
             begun = again
         found[method] = begun
+    if twice:
+        remarks.append(
+            f"{' and '.join(twice)}: ran twice, from the middle of the box and then from where that ended, {NEAR:g} standard errors wide, "
+            "because tangents taken far from the answer make intervals too narrow"
+        )
     return found, remarks
+
+
+def _again(
+    run: Callable[..., Runs],
+    problem: Problem,
+    first: Estimate,
+    believed: Mapping[str, float],
+    held: Mapping[str, float],
+    names: Sequence[str],
+) -> Runs:
+    """A filter run once more from where it ended."""
+    own, errors = (dict(zip(first.names, v.tolist(), strict=True)) for v in (first.values, first.standard_error))
+    at = {**_inside(problem, {**believed, **own}), **held}
+    return run(at=at, prior=_near(problem, at, errors, names), drift={})
 
 
 def _factor(runs: Runs) -> float:

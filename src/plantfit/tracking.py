@@ -9,7 +9,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.errors import ModelError, RecordingError, SearchError, SpaceError
+from plantfit.errors import RecordingError, SearchError, SpaceError
 from plantfit.estimate.filters.state_space import state_space
 from plantfit.estimate.methods.levels import asked
 from plantfit.estimate.watch.blocks import BlockFilter, shapes
@@ -82,7 +82,6 @@ class Tracker:
         if not 0 < false_alarm < 1:
             raise SearchError(f"false_alarm = {false_alarm:g}; give a chance between 0 and 1, such as 0.01.")
         problem, scales = found.problem, found.scales
-        check_trackable(problem)
         self.period = scales.period
         if every is not None and not every > 0:
             raise SearchError(f"every = {every:g}; give seconds above 0.")
@@ -105,6 +104,7 @@ class Tracker:
         self.rows: list[dict[str, float]] = []
         self.alarms: list[Alarm] = []
         self.samples = self.left_out = 0
+        self._begun: float | None = None
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._last = -math.inf
 
@@ -143,7 +143,9 @@ class Tracker:
 
     def _filter(self, found: Estimators) -> BlockFilter:
         space, model = self.problem.space, self.problem.model
-        joint = [n for n, t in zip(self.watched, self.tested, strict=True) if t]
+        late = {d.parameter for d in model.delays}  # type: ignore[union-attr]  (watched, and no state of a filter)
+        own = {c.name: c.parameter for c in space.coordinates}
+        joint = [n for n, t in zip(self.watched, self.tested, strict=True) if t and own[n] not in late]
         at = dict(zip(space.names, self.values.tolist(), strict=True))
         table = estimate_table(found.answer.problem, None, {})
         told = asked(table, self.problem)
@@ -173,8 +175,12 @@ class Tracker:
                 continue
             stop = int(np.flatnonzero(mask)[-1]) + 1
             t, u, y = self._arrays(experiment.recording)
-            y = np.where(mask[:, None], y, np.nan)[:stop]
+            t, u, y = t[:stop], u[:stop], np.where(mask[:, None], y, np.nan)[:stop]
             self.filter.reset()
+            early = self._early(t, float(t[0]))
+            self.filter.rows.remember(t[early], u[early])
+            t, u, y = t[~early], u[~early], y[~early]
+            stop = len(t)
             for k in range(0, stop, self.length):
                 block = self.filter.run(t[k : min(k + self.length, stop)], u[k : min(k + self.length, stop)], y[k : k + self.length])
                 if k == 0:
@@ -211,6 +217,10 @@ class Tracker:
         u = np.stack([given[n] for n in model.inputs], axis=1) if model.inputs else np.zeros((len(given), 0))  # type: ignore[union-attr]
         return np.asarray(given.t, dtype=float), u, np.stack([given[n] for n in model.outputs], axis=1)
 
+    def _early(self, t: np.ndarray, begun: float) -> np.ndarray:
+        """Which samples (n,) come before the inputs of a dead time ago are known: they are remembered, and the filter begins after them."""
+        return t < begun + self.filter.rows.longest
+
     def feed(self, recording: Recording) -> list[Alarm]:
         """The next samples; alarms that they raise.
 
@@ -234,6 +244,11 @@ class Tracker:
         self.left_out += int(np.sum(~known))
         t, u, y = t[known], u[known], y[known]
         self.samples += len(t)
+        if len(t):
+            self._begun = float(t[0]) if self._begun is None else self._begun
+            early = self._early(t, self._begun)
+            self.filter.rows.remember(t[early], u[early])
+            t, u, y = t[~early], u[~early], y[~early]
         self._waiting.append((t, u, y))
         t, u, y = (np.concatenate([w[k] for w in self._waiting]) for k in range(3))
         whole, raised = len(t) // self.length * self.length, []
@@ -328,24 +343,14 @@ def track(
 
     Noise levels are those of the study's [estimate] table (`table`), found by maximum likelihood where it gives ranges or none.
     A look is made every `every` seconds (default: a fiftieth of the study's record, 10 samples at least). `false_alarm` is the chance
-    that a healthy plant ever raises an alarm (docs/kalman.md). Raises as `estimate_parameters`, ModelError also for dead times.
+    that a healthy plant ever raises an alarm (docs/kalman.md). Dead times are held at their values, and watched. Raises as
+    `estimate_parameters`.
     """
     if not isinstance(study, Estimators):
-        problem = study.problem if isinstance(study, Study | Answer) else study
-        check_trackable(problem)
         study = estimate_parameters(study, progress=progress, table=table, methods=["maximum likelihood"])
     if progress is not None:
         progress("preparing the filter")
     return Tracker(study, every, false_alarm)
 
 
-def check_trackable(problem: Problem) -> None:
-    """Raises ModelError for a model that cannot be tracked on line, before anything is fitted."""
-    if getattr(problem.model, "delays", ()):
-        raise ModelError(
-            f"Model {problem.model.name!r} has a dead time, which a filter on line does not keep; delay the input in the recording and "
-            "leave the dead time out of the model, or compare records with `plantfit compare-records`."
-        )
-
-
-__all__ = ["Alarm", "Tracker", "check_trackable", "track"]
+__all__ = ["Alarm", "Tracker", "track"]

@@ -109,7 +109,12 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
         (("[estimate.process]\nx", "[estimate.process]\nv"), ["estimate"], 7, "[estimate.process] names 'v', which is no state"),
         (('y = "50 mK"', "y = -1"), ["estimate"], 6, "[estimate]: The measurement level of 'y' is -1.0"),
         (('y = "50 mK"', 'y = "50 mV"'), ["estimate"], 4, "[estimate.measurement] y = '50 mV'"),
-        (("K*u", "K*delay(u, 0.1)"), ["track", "--recording", "healthy.csv"], 5, "has a dead time, which a filter on line does not keep"),
+        (
+            ("K*u - x", "K*u - delay(x, 0.1)"),
+            ["track", "--recording", "healthy.csv"],
+            5,
+            "backlash or late states; filter a smooth form of it",
+        ),
         (("", ""), ["track", "--recording", "none.csv"], 3, "There is no recording 'none.csv'"),
         (("", ""), ["track", "--recording", "healthy.csv", "--idle", "3s"], 3, "--idle is for a recording that grows"),
         (("", ""), ["track", "--recording", "healthy.csv", "--like", "x"], 7, "--like x: the study has no such recording; it has bench"),

@@ -9,7 +9,7 @@ import pytest
 import wandering_plants as lag
 
 import plantfit as pf
-from plantfit.errors import ModelError, RecordingError, SearchError
+from plantfit.errors import RecordingError, SearchError
 from plantfit.estimate.watch.changes import Calibration, Changes
 from plantfit.recording.readers.formats.text.growing import GrowingTable
 
@@ -152,13 +152,61 @@ def test_slopes_are_those_of_finite_differences(tracker):
     f.reset()
 
 
+@pytest.fixture(scope="module")
+def late():
+    """A tracker of a plant with a dead time of 6.6 samples."""
+    return pf.track(lag.problem(lag.record(41, 500, lag.LATE, before=lag.LATE), late=True), false_alarm=0.01)
+
+
+def test_a_plant_with_a_dead_time_is_tracked_and_the_dead_time_watched(late):
+    assert late.watched == ["K", "tau", "L"]
+    count = sum(bool(fed(late, lag.record(400 + s, 1000, lag.LATE, hold=(4, 15)[s % 2])).alarms) for s in range(10))
+    assert count <= 1
+    first = late.rows[0]["t"]
+    assert first - late.length * lag.PERIOD == pytest.approx(0.3, abs=0.051)  # what came before is not known for one dead time
+    assert "L" not in late.rows[0]
+    assert 0.6 < np.mean([row["nis"] for row in late.rows]) < 1.5
+    # a step of the input five samples late is like a slower plant to a filter whose process noise forgets within a few samples
+    for name, change, told in (("L", 0.25, {"tau", "L"}), ("K", 0.6, {"K"})):
+        then = lag.LATE | {name: lag.LATE[name] + change}
+        alarms = [fed(late, lag.record(600 + s, 2000, then, after=500, before=lag.LATE)).alarms for s in range(3)]
+        assert all(a and a[0].t > 500 * lag.PERIOD for a in alarms), name
+        assert sum(a[0].parameter in told and a[0].to_value > a[0].from_value for a in alarms) >= 2
+
+
+def test_slopes_by_a_dead_time_are_those_of_finite_differences(late):
+    t, u, y = late._arrays(lag.record(42, late.length + 10, lag.LATE, hold=3))
+    f = late.filter
+
+    def run(by):
+        f.rows.dead_times = dead + by
+        f.reset()
+        f.rows.remember(t[:10], u[:10])
+        return f.run(t[10:], u[10:], y[10:])
+
+    dead, place = f.rows.dead_times, late.watched.index("L")
+    block, step = run(0.0), 1e-6
+    differences = (run(step).white - run(-step).white) / (2 * step) * late.size[place]
+    run(0.0)
+    assert np.max(np.abs(differences)) > 0.1 * np.max(np.abs(block.slopes[:, :, 0]))
+    assert block.slopes[:, :, place] == pytest.approx(differences, abs=1e-5 * np.max(np.abs(differences)))
+
+
+def test_pieces_of_a_plant_with_a_dead_time_give_the_rows_of_the_whole(late):
+    recording = lag.record(800, 307, lag.LATE)
+    whole = list(fed(late, recording).rows)
+    parts = fed(late, recording, pieces=60).rows
+    assert len(whole) == len(parts)
+    for a, b in zip(whole, parts, strict=True):
+        assert a == pytest.approx(b, rel=1e-12)
+
+
+def test_a_record_shorter_than_the_dead_time_has_no_rows(late):
+    assert fed(late, lag.record(1, 5, lag.LATE)).rows == []
+    assert "No alarm" in late.sentence
+
+
 def test_what_cannot_be_tracked_is_told(tracker):
-    late = pf.equations(
-        "x' = (K*delay(u, L) - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"],
-        parameters={"K": {"bounds": (0.1, 9)}, "L": {"bounds": (0, 1)}, "tau": {"bounds": (0.1, 9)}},
-    )  # fmt: skip
-    with pytest.raises(ModelError, match="has a dead time, which a filter on line does not keep; delay the input"):
-        pf.track(pf.Problem(late, pf.from_arrays(period=0.1, signals={"u": np.ones(50), "y": np.ones(50)})))
     tracker.restart()
     r = lag.record(1, 50)
     with pytest.raises(RecordingError, match=r"has none of the outputs \['y'\]"):

@@ -183,3 +183,59 @@ def test_what_cannot_be_is_told_in_one_sentence(name, options, error, sentence):
         record_rig(name, **options)
     assert isinstance(said.value, PlantfitError)
     assert "\n" not in str(said.value)
+
+
+TUNED = {
+    "output": {"name": "w", "unit": "rad/s"}, "input": {"name": "V", "unit": "V"},
+    "controllers": [{"name": "all plants", "Kp": 0.05, "Ki": 0.4, "Kd": 0.0, "b": 0.7, "filter_time": 0.0}],
+    "wishes": {"period": 0.02, "lower": -9.0, "upper": 9.0, "anti_windup": "clamping", "set_point": 40.0, "step": 20.0},
+}  # fmt: skip
+
+
+def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
+    """The voltages that were recorded are those of a PID in plain floats on the recorded readings, and the motion is theirs."""
+    from plantfit.rig.offered.dc_motor import board_rig
+
+    (tmp_path / "motor-tune.json").write_text(json.dumps(TUNED))
+    made = record_rig("dc_motor", controller=tmp_path / "motor-tune.json", seed=4, duration=6.0)
+    record, exact = made.recording, made.exact
+    assert np.diff(record.t) == pytest.approx(0.02)
+    assert set(record["w_set"]) == {20.0, 40.0}
+    assert exact["w"][-1] == pytest.approx(40.0, rel=0.01)
+    assert exact["w"][len(record) // 2 - 5] == pytest.approx(20.0, rel=0.01)
+    assert "PID of motor-tune.json (Kp 0.05, Ki 0.4 /s, Kd 0 s, a sample every 0.02 s)" in record.log[-1]
+
+    from plantfit.rig.offered.dc_motor import TRUTH
+
+    rig = board_rig(TRUTH)
+    rig = type(rig)(**{**{n: getattr(rig, n) for n in rig.__dataclass_fields__}, "period": 0.02, "substeps": 40})
+    raw = rig.record(4, pf.from_arrays({"t": record.t, "V": record["V"]}, units={"V": "V"}))
+    assert np.array_equal(raw.exact["w"], exact["w"])
+    period = raw.recording["Tp"]
+    speed = np.where(np.abs(period) >= rig.timeout, 0.0, 2 * np.pi / rig.pulses / period)
+    integral, last, step = 0.0, 0.0, rig.volts_per_count
+    for k, (y, r) in enumerate(zip(speed, record["w_set"], strict=True)):
+        e = r - y
+        added = 0.5 * 0.02 * 0.4 * (e + last)
+        wanted = 0.05 * (0.7 * r - y) + integral + added
+        beyond = (wanted > 9.0 and added > 0) or (wanted < -9.0 and added < 0)
+        integral, last = integral + (0.0 if beyond else added), e
+        assert record["V"][k] == pytest.approx(step * round(min(max(wanted, -9.0), 9.0) / step), abs=1e-9), k
+
+
+def test_set_points_of_a_loop_are_given_in_any_unit_and_slips_are_told(tmp_path):
+    (tmp_path / "motor-tune.json").write_text(json.dumps(TUNED | {"output": {"name": "w", "unit": "rpm"}}))
+    made = record_rig("dc_motor", controller=tmp_path / "motor-tune.json", excitation="600rpm", duration=2.0)
+    assert made.recording["w_set"] == pytest.approx(20 * np.pi)
+    with pytest.raises(SimulationError, match=r"leave --period 0\.1 s out"):
+        record_rig("dc_motor", controller=tmp_path / "motor-tune.json", period=0.1)
+    with pytest.raises(SimulationError, match="cannot be driven by a tuned controller yet; dc_motor can"):
+        record_rig("pendubot", controller=tmp_path / "motor-tune.json")
+    (tmp_path / "bad.json").write_text("{}")
+    with pytest.raises(SimulationError, match=r"bad.json' is no controller; name a file NAME-tune.json that `plantfit tune` wrote"):
+        record_rig("dc_motor", controller=tmp_path / "bad.json")
+    with pytest.raises(SimulationError, match="cannot be read"):
+        record_rig("dc_motor", controller=tmp_path / "none.json")
+    (tmp_path / "bar-tune.json").write_text(json.dumps(TUNED | {"output": {"name": "y", "unit": "bar"}}))
+    with pytest.raises(UnitError, match="cannot be converted"):
+        record_rig("dc_motor", controller=tmp_path / "bar-tune.json")

@@ -85,8 +85,7 @@ class DcMotorRig:
         volts = duty * self.volts_per_count
         i, w = self._simulated(volts)
         fine = np.arange(len(i)) * (self.period / self.substeps)
-        phase, slots = rng.uniform(), self.slot_error * rng.standard_normal(self.pulses)
-        slots = np.clip(slots, -0.4, 0.4)  # edges keep their order
+        phase, slots = self.encoder(rng)
         turned = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(fine))])
         pulses = capture(fine, turned / self.ratio + 2 * np.pi * phase / self.pulses, t, self.pulses, slots, self.tick, self.timeout)
         at = slice(None, None, self.substeps)
@@ -104,6 +103,11 @@ class DcMotorRig:
         }  # fmt: skip
         exact = Recording(t, {n: Signal(*v) for n, v in true.items()}, name, ("Virtual DC motor: exact signals.",))
         return RigRun(Recording(t, {n: Signal(*v) for n, v in seen.items()}, name, (told,)), exact, truth)
+
+    def encoder(self, rng: np.random.Generator) -> tuple[float, np.ndarray]:
+        """The encoder's phase in slots and how far each of its slots (pulses,) is off, as a share of its width."""
+        phase, slots = rng.uniform(), self.slot_error * rng.standard_normal(self.pulses)
+        return phase, np.clip(slots, -0.4, 0.4)  # edges keep their order
 
     @property
     def volts_per_count(self) -> float:
@@ -132,7 +136,7 @@ class DcMotorRig:
 
     def _simulated(self, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Current and speed at every substep, (1 + (N - 1) substeps,) each, from rest."""
-        plant = _plant()
+        plant = motor_of()
         p = tuple(float(self.parameters[n]) for n in plant.parameters)
         i, w = run_motor(plant, self.period / self.substeps, p, np.repeat(volts[:-1], self.substeps), self.load)
         return np.concatenate([[0.0], np.asarray(i)]), np.concatenate([[0.0], np.asarray(w)])
@@ -152,17 +156,18 @@ _SETTINGS = (
 
 
 @lru_cache(maxsize=1)
-def _plant() -> VectorModel:
+def motor_of() -> VectorModel:
+    """The motor that rigs simulate."""
     return vectorise(dc_motor(load=True))
 
 
 @partial(jax.jit, static_argnums=0)
-def run_motor(plant: VectorModel, step: Any, p: Any, volts: Any, load: Any) -> Any:
-    """Current and speed (n,) after each step of a motor at rest under `volts` (n,)."""
+def run_motor(plant: VectorModel, step: Any, p: Any, volts: Any, load: Any, begin: Any = (0.0, 0.0)) -> Any:
+    """Current and speed (n,) after each step of a motor under `volts` (n,), from current and speed at the beginning, by default rest."""
 
     def one(x, u):
         after = rk4(plant.rate, x, (u, load, 0.0), (u, load, 0.0), step, p, False)
         return after, after
 
-    zero = jnp.zeros(())
-    return native_scan(one, (zero, zero), jnp.asarray(volts), keep=True, fallback=True)[1]
+    first = tuple(jnp.asarray(v, dtype=float) for v in begin)
+    return native_scan(one, first, jnp.asarray(volts), keep=True, fallback=True)[1]

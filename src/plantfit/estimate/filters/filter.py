@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import ModelError, SimulationError, SpaceError
+from plantfit.errors import SimulationError, SpaceError
 from plantfit.estimate.filters.beliefs import FilterRun
 from plantfit.estimate.filters.filter_step import Spread, filter_step
 from plantfit.estimate.filters.noise import Noise
@@ -33,24 +33,30 @@ class Filter:
             wrong = [n for n in given or {} if n not in names]
             if wrong:
                 raise SpaceError(f"{what} names {wrong[0]!r}, which is not estimated; estimated are {names}.")
-        self.problem, self.plant, self.spread = problem, plant, spread
-        self.values = base_values(problem, at)
-        self.own = plant.place(self.values[list(plant.joint)])
-        box = dict(zip(names, plant.prior_spread(), strict=True))
-        self.root = np.diag([*noise.initial_levels(plant.model), *((prior or {}).get(n, box[n]) for n in names)])
+        self.problem, self.plant, self.spread, self.noise = problem, plant, spread, noise
         self.drift = np.array([(drift or {}).get(n, 0.0) for n in names])
+        self.begin(at, prior)
         self.filtered = jax.jit(self._filtered)
 
-    def _filtered(self, values: Any, record: Record) -> Any:
+    def begin(self, at: Mapping[str, float] | None, prior: Mapping[str, float] | None) -> None:
+        """Begin at other values, as wide as `prior` says; nothing is compiled anew."""
+        plant = self.plant
+        self.values = base_values(self.problem, at)
+        self.own = plant.place(self.values[list(plant.joint)])
+        names = [plant.space.names[i] for i in plant.joint]
+        box = dict(zip(names, plant.prior_spread(), strict=True))
+        self.root = np.diag([*self.noise.initial_levels(plant.model), *((prior or {}).get(n, box[n]) for n in names)])
+
+    def _filtered(self, values: Any, own: Any, root: Any, record: Record) -> Any:
         plant, c = self.plant, self.plant.constants(values, self.drift)
         rows, rank = plant.rows(values, record)
-        first = jnp.concatenate([plant.first(values, record.drive), self.own])
+        first = jnp.concatenate([plant.first(values, record.drive), own])
 
         def body(belief, row):
             belief, told = filter_step(plant, self.spread, True, c, belief, row)
             return belief, (belief, told)
 
-        (mean, root), told = native_scan(body, (first, jnp.asarray(self.root)), rows, keep=True, fallback=True)[1]
+        (mean, root), told = native_scan(body, (first, root), rows, keep=True, fallback=True)[1]
         return mean, root, told, rank
 
     def run(self, recording: Recording | None = None, *, fitted: bool = False) -> FilterRun:
@@ -60,7 +66,7 @@ class Filter:
         if recording is not None:
             experiment = Experiment(in_units(recording, self.problem.predictor.needs), before=experiment.before)
         record = self.plant.record(self.problem, experiment, fitted=fitted and recording is None)
-        mean, root, told, rank = jax.tree.map(np.asarray, self.filtered(jnp.asarray(self.values), record))
+        mean, root, told, rank = jax.tree.map(np.asarray, self.filtered(*map(jnp.asarray, (self.values, self.own, self.root)), record))
         if not np.all(np.isfinite(mean)):
             k = int(np.argmin(np.all(np.isfinite(mean), axis=1)))
             raise SimulationError(
@@ -81,11 +87,7 @@ class Filter:
         )
 
     def online(self) -> Online:
-        """The same filter, given one sample at a time. Raises ModelError for a model with a dead time."""
-        if self.plant.model.delays:
-            raise ModelError(
-                f"Model {self.plant.model.name!r} has a dead time, which a filter on-line does not keep; delay the input before."
-            )
+        """The same filter, given one sample at a time; before the first, inputs had the value that they have there."""
         return Online(self.plant, self.spread, self.values, self.own, self.root, self.drift)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError
 from plantfit.estimate.filters.filter_step import Spread, filter_step
-from plantfit.estimate.filters.state_space import Row, StateSpace
+from plantfit.estimate.filters.rows_on_line import RowsOnLine
+from plantfit.estimate.filters.state_space import StateSpace
 
 import jax
 import jax.numpy as jnp
@@ -31,12 +32,12 @@ class Online:
         self.plant, self.values, self.own = plant, jnp.asarray(values), own
         self.mean: Any = None
         self.root: Any = jnp.asarray(root)
-        self._before: tuple[float, np.ndarray] | None = None
+        self._rows = RowsOnLine(plant, np.asarray(values))
 
-        def step(mean, root, u0, u1, h, here, y):
+        def step(mean, root, row):
             c = plant.constants(self.values, drift)
-            exact = jax.tree.map(lambda a: a[0], plant.exact_at(self.values, h[None])) if plant.exact else None
-            belief, told = filter_step(plant, spread, False, c, (mean, root), Row(u0, u1, h, here, y, exact))
+            exact = jax.tree.map(lambda a: a[0], plant.exact_at(self.values, row.h[None])) if plant.exact else None
+            belief, told = filter_step(plant, spread, False, c, (mean, root), row._replace(exact=exact))
             return *belief, jnp.sum(told["white"] ** 2)
 
         self._step = jax.jit(step)
@@ -48,23 +49,22 @@ class Online:
         Raises RecordingError for a time that does not grow or an input that is missing.
         """
         model = self.plant.model
-        here, seen = np.array([*_values("input", u, model.inputs, needed=True), t]), _values("output", y, model.outputs)
-        if self._before is None:
+        here, seen = np.array(_values("input", u, model.inputs, needed=True)), np.array(_values("output", y, model.outputs))
+        if self.mean is None:
             drive = self.plant.simulator.drive(
                 np.array([t]),
                 {n: here[i : i + 1] for i, n in enumerate(model.inputs)},
-                measured={n: np.array([seen[i]]) for i, n in enumerate(model.outputs)},
+                measured={n: seen[i : i + 1] for i, n in enumerate(model.outputs)},
             )
             self.mean = jnp.concatenate([self._first(self.values, drive), self.own])
-            self._before = t, here
-        last, u0 = self._before
-        if t < last or not np.isfinite(t):
+        last = self._rows.last
+        if not np.isfinite(t) or (last is not None and t < last):
             raise RecordingError(f"A sample at {t:g} s came after one at {last:g} s; give samples in order of time.")
-        linear = [n in self.plant.simulator.interpolated for n in model.inputs] + [True]
-        u1 = np.where(linear, here, u0)
-        self.mean, self.root, nis = self._step(self.mean, self.root, u0, u1, jnp.asarray(t - last), here, np.array(seen))
-        self._before = t, here
-        return self._now(float(nis))
+        nis = 0.0
+        for row, _ in self._rows.feed(np.array([t]), here[None]).chunks(1, seen[None]):
+            self.mean, self.root, own = self._step(self.mean, self.root, jax.tree.map(lambda a: a[0], row))
+            nis += float(own)  # edges of late inputs are not measured
+        return self._now(nis)
 
     def _now(self, nis: float) -> Now:
         n, names = self.plant.states, [self.plant.space.names[i] for i in self.plant.joint]

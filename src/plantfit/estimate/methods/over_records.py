@@ -38,11 +38,12 @@ def over_recordings(
     at: Mapping[str, float],
     prior: Mapping[str, float],
     drift: Mapping[str, float],
+    made: dict[str, Filter] | None = None,
 ) -> Runs:
     """`kind` (`ekf`, `ukf` with its settings) over the fitted part of every recording in order; arguments as in `ekf`.
 
-    States begin anew in every recording; parameters that recordings share go on with mean and covariance. Raises SimulationError where
-    the filter diverges.
+    `made` keeps the compiled filters by recording for another call that differs in `at` and `prior` alone. States begin anew in every
+    recording; parameters that recordings share go on with mean and covariance. Raises SimulationError where the filter diverges.
     """
     of = {c.name: c.recording for c in problem.space.coordinates}
     runs: dict[str, FilterRun] = {}
@@ -54,7 +55,13 @@ def over_recordings(
     for recording in [n for n, e in problem.experiments.items() if np.any(e.mask("fit"))]:
         own = [n for n in parameters if of[n] in (None, recording)]
         own_prior, own_drift = ({n: v for n, v in given.items() if n in own} for given in (prior, drift))
-        filter = kind(problem, noise, own, at=at, prior=own_prior, drift=own_drift, recording=recording)
+        if made is not None and recording in made:
+            filter = made[recording]
+            filter.begin(at, own_prior)
+        else:
+            filter = kind(problem, noise, own, at=at, prior=own_prior, drift=own_drift, recording=recording)
+        if made is not None:
+            made[recording] = filter
         order = list(_joint(filter))
         if known is not None:
             _begin(filter, order, *known)

@@ -9,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.estimate.filters.filter_step import filter_step, linearised
 from plantfit.estimate.filters.noise import Noise
+from plantfit.estimate.filters.rows_on_line import RowsOnLine
 from plantfit.estimate.filters.square_root import whitened
 from plantfit.estimate.filters.state_space import Row, StateSpace, state_space
 from plantfit.native import native_scan
@@ -74,14 +75,16 @@ class BlockFilter:
         self.root = np.asarray(root, dtype=float)
         self.drift = np.asarray(drift, dtype=float)
         self.own = tracked.place(self.values[list(tracked.joint)])
+        self.rows = RowsOnLine(self.plant, self.values)
+        self.size = length * (1 + len(self.rows.dead_times))  # rows that are worked off at once
         self._advance = jax.jit(self._advanced)
         self._begun = jax.jit(jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None)))
         self.carry: Any = None
-        self.before: tuple[float, np.ndarray] | None = None
 
     def reset(self) -> None:
         """Begin anew with the next block."""
-        self.carry, self.before = None, None
+        self.carry = None
+        self.rows.reset()
 
     def open(self, spread: np.ndarray) -> None:
         """Let the tracked parameters (k,) be as uncertain again as `spread`, in their coordinates."""
@@ -96,13 +99,16 @@ class BlockFilter:
 
     def run(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Block:
         """The next samples: times (b,), inputs (b, inputs), outputs (b, m) with NaN where nothing was measured, b up to `length`."""
-        rows = self._rows(t, u, y)
         if self.carry is None:
             self._first(t, u, y)
-        self.carry, (white, slopes) = self._advance(self.carry, rows)
-        b, seen = len(t), np.isfinite(y)
+        fed, told = self.rows.feed(t, u), []
+        for rows, moved in fed.chunks(self.size, y):
+            self.carry, parts = self._advance(self.carry, rows, moved)
+            told.append(parts)
+        white, slopes = (np.concatenate([np.asarray(part[i]) for part in told], axis=i) for i in range(2))
         mean, root = (np.asarray(v) for v in self.carry[2:])
-        return Block(t, np.asarray(white)[:b], np.moveaxis(np.asarray(slopes), 0, -1)[:b], np.sum(seen, axis=1), mean, root)
+        own = np.moveaxis(slopes, 0, -1)[fed.places]
+        return Block(t, white[fed.places], own, np.sum(np.isfinite(y), axis=1), mean, root)
 
     def _first(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
         model, simulator = self.plant.model, self.plant.simulator
@@ -112,7 +118,8 @@ class BlockFilter:
             measured={n: y[:, i] for i, n in enumerate(model.outputs)},
         )
         # states that begin at an output begin at nothing where it is not measured; the wide first belief makes up for it
-        drive = drive._replace(first_output=tuple(v if np.isfinite(v) else 0.0 for v in map(float, drive.first_output)))
+        seen = tuple(v if np.isfinite(v) else 0.0 for v in map(float, drive.first_output))
+        drive = drive._replace(first_output=seen, first_input=self.rows.first(float(t[0]), u[0]))
         (means, moved), n = self._begun(jnp.asarray(self.axes), drive), self.plant.states
         first = means[0] if len(self.axes) else self.plant.first(jnp.asarray(self.values), drive)
         root = jnp.asarray(self.root)
@@ -121,23 +128,10 @@ class BlockFilter:
         joint[:n, :n], joint[n:, n:] = self.root, np.diag(self.prior)
         self.carry = (first, root), (moved, still), jnp.concatenate([first, jnp.asarray(self.own)]), jnp.asarray(joint)
 
-    def _rows(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Row:
-        here = np.concatenate([u, t[:, None]], axis=1)
-        last, start = self.before if self.before is not None else (t[0], here[0])
-        u0 = np.concatenate([start[None], here[:-1]])
-        simulator, model = self.plant.simulator, self.plant.model
-        linear = [n in simulator.interpolated for n in model.inputs] + [True]
-        u1, h = np.where(linear, here, u0), np.diff(np.concatenate([[last], t]))
-        self.before = float(t[-1]), here[-1]
-        more = self.length - len(t)
-        end = [np.repeat(here[-1:], more, axis=0)] * 3
-        rows = [np.concatenate([a, b]) for a, b in zip((u0, u1, here), end, strict=True)]
-        seen = np.concatenate([y, np.full((more, y.shape[1]), np.nan)])
-        return Row(rows[0], rows[1], np.concatenate([h, np.zeros(more)]), rows[2], seen, None)
-
-    def _advanced(self, carry: Any, rows: Row) -> Any:
+    def _advanced(self, carry: Any, rows: Row, by_dead_times: Row | None) -> Any:
         held, moved, mean, root = carry
         plant, tracked = self.plant, self.tracked
+        dead = jnp.asarray(self.rows.by_values)
 
         def step(c, belief, row):
             belief, told = filter_step(plant, linearised, True, c, belief, row)
@@ -146,12 +140,14 @@ class BlockFilter:
         def along(a, tangent):
             c, dc = jax.jvp(plant.constants, (jnp.asarray(self.values),), (a,))
 
-            def both(pair, row):
-                still = jax.tree.map(jnp.zeros_like, row)
-                (belief, told), (belief_moved, told_moved) = jax.jvp(step, (c, pair[0], row), (dc, pair[1], still))
+            def both(pair, given):
+                row, row_moved = given if late else (given, jax.tree.map(jnp.zeros_like, given))
+                (belief, told), (belief_moved, told_moved) = jax.jvp(step, (c, pair[0], row), (dc, pair[1], row_moved))
                 return (belief, belief_moved), (told[2], whitened(told[1], told_moved[0]))
 
-            return native_scan(both, (held, tangent), rows, keep=True, fallback=True)
+            late = by_dead_times is not None
+            by_a = jax.tree.map(lambda v: jnp.tensordot(dead @ a, v, 1), by_dead_times) if late else None
+            return native_scan(both, (held, tangent), (rows, by_a) if late else rows, keep=True, fallback=True)
 
         (beliefs, tangents), told = jax.vmap(along)(jnp.asarray(self.axes), moved)
         belief = jax.tree.map(lambda a: a[0], beliefs)
@@ -164,7 +160,7 @@ class BlockFilter:
 
 
 def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:
-    """Whether each coordinate (d,) enters rates or outputs of the model, and not its first state alone."""
+    """Whether each coordinate (d,) enters rates or outputs of the model or is a dead time, and not its first state alone."""
     rng = np.random.default_rng(0)
     vector, x, u = (
         plant.simulator.vector,
@@ -178,4 +174,5 @@ def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:
         return jnp.stack([*vector.rate(scalars, tuple(u), p), *vector.output(scalars, tuple(u), p)])
 
     slopes = jax.vmap(lambda a: jax.jvp(all_of, (jnp.asarray(values),), (a,))[1])(jnp.eye(len(values)))
-    return np.any(np.nan_to_num(np.asarray(slopes), nan=1.0) != 0.0, axis=1)
+    dead = np.any(RowsOnLine(plant, values).by_values != 0.0, axis=0)
+    return np.any(np.nan_to_num(np.asarray(slopes), nan=1.0) != 0.0, axis=1) | dead

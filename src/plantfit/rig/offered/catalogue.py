@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 
@@ -43,12 +44,14 @@ def record_rig(
     period: float | None = None,
     excitation: str | Recording | None = None,
     without: Iterable[str] = (),
+    controller: str | Path | None = None,
 ) -> RigRecord:
     """A record of the rig `name` with its truth, as `plantfit rig` writes it.
 
     `constants` sets any of the rig's numbers, in their units or as text with a unit ("25 cm"). Noise, phases and errors of instruments
     come from `seed`: the same call gives the same bits. `duration` and `period` in s. `excitation` is what the rig's
-    `offered(name).excitation` says; `without` names optional channels that the record is to lack.
+    `offered(name).excitation` says; `without` names optional channels that the record is to lack. `controller` is a file NAME-tune.json of
+    `plantfit tune`: its PID drives the rig, and `excitation` are its set points, by default the step that it was tuned for.
 
     Raises SimulationError for an unknown name, an impossible value and a rig that cannot be driven so, UnitError for a wrong unit.
     """
@@ -66,6 +69,18 @@ def record_rig(
             raise SimulationError(f"Rig {name!r}: {what} = {value:g} s; give seconds above 0.")
     if excitation is not None and not rig.excitation:
         raise SimulationError(f"Rig {name!r} takes no excitation, because its controller moves it; leave it out.")
+    tuned = None
+    if controller is not None:
+        if not rig.loop:
+            can = [n for n in names() if offered(n).loop]
+            raise SimulationError(f"Rig {name!r} cannot be driven by a tuned controller yet; {', '.join(can)} can.")
+        from plantfit.rig.offered.tuned import read_tuned  # not before: it imports jax
+
+        tuned = read_tuned(controller)
+        own = tuned.settings.period
+        if period is not None and not math.isclose(period, own):
+            raise SimulationError(f"The controller {tuned.name} samples every {own:g} s; leave --period {period:g} s out.")
+        period = own
     length, step = duration or rig.duration, period or rig.period
     if length < 10 * step:
         raise SimulationError(f"Rig {name!r}: {length:g} s with a sample every {step:g} s are under 10 samples; record longer.")
@@ -76,7 +91,7 @@ def record_rig(
         if channel not in rig.optional:
             can = f"may lack {', '.join(rig.optional)}" if rig.optional else "lacks none of its channels"
             raise SimulationError(f"Rig {name!r} cannot leave out {channel!r}; its record {can}.")
-    return rig.record(Asked(numbers, frozenset(read), int(seed), duration, period, excitation, lacking))
+    return rig.record(Asked(numbers, frozenset(read), int(seed), duration, period, excitation, lacking, tuned))
 
 
 def _number(rig: str, number: Number, value: float | str) -> float:

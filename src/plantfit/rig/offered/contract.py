@@ -5,11 +5,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from plantfit.errors import RecordingError
 from plantfit.recording.record import Recording
 from plantfit.recording.write import to_csv
+
+if TYPE_CHECKING:
+    from plantfit.rig.offered.tuned import Tuned
 
 Kind = Literal["constant", "noise", "setting"]
 
@@ -52,12 +55,14 @@ class Asked(NamedTuple):
     period: float | None
     excitation: str | Recording | None
     without: tuple[str, ...]
+    controller: "Tuned | None" = None
 
 
 @dataclass(frozen=True)
 class OfferedRig:
     """A rig by name. `optional` are channels that a record may come without; `excitation` says what it may be driven by, empty where
-    its motion is fixed. `record` makes what was asked for; `duration` and `period` (s) are those where nothing was asked."""
+    its motion is fixed; `loop` what a tuned controller reads and gives, empty where the rig has no such loop. `record` makes what was asked
+    for; `duration` and `period` (s) are those where nothing was asked."""
 
     name: str
     sentence: str
@@ -67,6 +72,7 @@ class OfferedRig:
     period: float
     excitation: str = ""
     optional: tuple[str, ...] = ()
+    loop: str = ""
 
 
 @dataclass(frozen=True)

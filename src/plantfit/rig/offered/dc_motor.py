@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit import units
 from plantfit.models.library.speed_law import EDGE, EQUATIONS, LABELS, LAW, SENTENCES, speed_law
 from plantfit.models.library.speed_law import UNITS as LAW_UNITS
 from plantfit.recording import duty_to_voltage, period_to_speed
@@ -16,7 +17,9 @@ from plantfit.rig.dc_motor import DcMotorRig
 from plantfit.rig.offered.contract import Asked, Number, OfferedRig, RigRecord, truth_of
 from plantfit.rig.offered.driven import driven_by
 from plantfit.rig.offered.motor_studies import MOTOR, UNITS, box, head, parameter, parameters_of
+from plantfit.rig.offered.tuned import Tuned
 from plantfit.rig.run import RigRun
+from plantfit.rig.speed_loop import driven_by_pid
 
 PERIOD, DURATION, BLOCK = 0.1, 150.0, 30.0  # s: a line of the serial port, a record, one round of the excitation
 OLDEST = 1e-3  # s: readings that tell of an earlier time are not sent
@@ -87,12 +90,16 @@ def _record(asked: Asked) -> RigRecord:
         current_step=n["current_step"], period=period, duration=duration, substeps=max(10, round(period / STEPS_OF)),
     )  # fmt: skip
     most = rig.efficiency * rig.supply
-    if asked.excitation is None:
+    if asked.controller is not None:
+        drive, driven = _looped(rig, asked, asked.controller, duration, period)
+    elif asked.excitation is None:
         drive, driven = board_excitation(11.0 / 11.76 * most, duration, period), _DRIVEN.format(11.0 / 11.76 * most)
     else:
         drive, driven = driven_by(asked.excitation, "V", "V", duration, period)
     run = rig.record(asked.seed, drive, name="dc_motor")
     seen = sent(run, rig)
+    if asked.controller is not None:
+        seen = Recording(seen.t, {**seen.signals, "w_set": drive.signals["w_set"]}, seen.name, (*seen.log, driven))
     if "i" in asked.without:
         seen = Recording(seen.t, {k: s for k, s in seen.signals.items() if k != "i"}, seen.name, seen.log)
     determined = {k: {"value": float(v), "unit": u} for k, v, u in zip(LAW, speed_law(n), LAW_UNITS, strict=True)}
@@ -102,6 +109,23 @@ def _record(asked: Asked) -> RigRecord:
     tied = n["Kt"] == n["Kb"]
     write = (lambda f, s: _speed_study(f, s, n)) if "i" in asked.without else (lambda f, s: _current_study(f, s, n, tied))
     return RigRecord(seen, run.exact, truth, write)
+
+
+def _looped(rig: DcMotorRig, asked: Asked, tuned: Tuned, duration: float, period: float) -> tuple[Recording, str]:
+    """The voltage V of the loop with its set points w_set (rad/s), and a sentence about it."""
+    given = asked.excitation
+    if given is None:
+        levels = (units.convert(v, tuned.output_unit or "rad/s", "rad/s") for v in (tuned.set_point - tuned.step, tuned.set_point))
+        given = ",".join(f"{v!r}" for v in levels)
+    wanted, told = driven_by(given, "w", "rad/s", duration, period)
+    t = np.arange(round((wanted.t[-1] - wanted.t[0]) / period) + 1) * period
+    speeds = wanted["w"][np.searchsorted(wanted.t - wanted.t[0], t + 5e-10, side="right") - 1]
+    own = units.convert(speeds, "rad/s", tuned.output_unit or "rad/s")
+    volts = driven_by_pid(rig, asked.seed, tuned.law, tuned.gains, own, (tuned.output_unit, tuned.input_unit))
+    g = tuned.gains
+    law = f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s, a sample every {period:g} s"
+    drive = Recording(volts.t, {**volts.signals, "w_set": Signal(speeds, "rad/s")}, "loop")
+    return drive, f"In a loop with the PID of {tuned.name} ({law}); set points: {told}"
 
 
 _DRIVEN = "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, blocks of 30 s, up to {:.4g} V; 0 V at the first sample."
@@ -145,4 +169,5 @@ RIG = OfferedRig(
     period=PERIOD,
     excitation="a voltage that is held from the start (6V), several one after another (3V,-3V,6V), or a CSV file with a signal V",
     optional=("i",),
+    loop="reads the speed of the encoder and gives the voltage of the bridge",
 )

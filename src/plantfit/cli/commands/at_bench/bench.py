@@ -115,6 +115,12 @@ def rig(
     excitation: Annotated[
         str | None, typer.Option("--excitation", "-e", help="Values one after another (3V,-3V or 20%,60%), or a CSV file with the input.")
     ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--controller", help="NAME-tune.json of `plantfit tune`: its PID drives the rig; --excitation are its set points then."
+        ),
+    ] = None,
     without: Annotated[list[str] | None, typer.Option("--without", help="A channel that the record is to lack, as in i (repeat).")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file to write; NAME.csv if left out.")] = None,
     study: Annotated[bool, typer.Option("--study", help="Also write a study file for the record, RECORD.toml.")] = False,
@@ -129,4 +135,5 @@ def rig(
     if name is None or list_:
         return command.listed(name, json)
     asked = {"seed": seed, "duration": duration, "period": period, "excitation": excitation, "without": without or []}
+    asked["controller"] = controller
     command.record(name, settings or [], asked, out, {"study": study, "exact": exact, "force": force}, json)

@@ -31,10 +31,10 @@ def track(
         raise RecordingError("--idle is for a recording that grows; give --follow too, or leave it out.")
     if place is not None and Path(place).exists() and not force:
         raise StoreError(f"{place} is there already; choose another place for --out, or give --force.")
-    from plantfit.tracking import check_trackable
+    from plantfit.estimators import check_estimable
     from plantfit.tracking import track as tracker_of
 
-    opened, one = one_given(given, store, check_trackable)
+    opened, one = one_given(given, store, lambda problem: check_estimable(problem, {}))
     read = _reader(one.ready.study, like, grows)
     answers, numbers = answers_of(opened, [one], workers, json)
     with said_line(json) as say:

@@ -32,6 +32,8 @@ def listed(name: str | None, json: bool) -> None:
     (rig,) = rigs
     out.print(f"\n{rig.duration:g} s, a sample every {rig.period:g} s, unless --duration and --period say otherwise.", markup=False)
     out.print(f"--excitation: {rig.excitation or 'none, its controller moves it'}.", markup=False)
+    if rig.loop:
+        out.print(f"--controller: a PID that {rig.loop}.", markup=False)
     if rig.optional:
         out.print(f"--without: {', '.join(rig.optional)}.", markup=False)
 
@@ -77,5 +79,5 @@ def _record_of(rig: Any) -> dict[str, Any]:
     ]
     return {
         "name": rig.name, "sentence": rig.sentence, "numbers": numbers, "duration_s": rig.duration, "period_s": rig.period,
-        "excitation": rig.excitation, "without": list(rig.optional),
+        "excitation": rig.excitation, "without": list(rig.optional), "controller": rig.loop,
     }  # fmt: skip
