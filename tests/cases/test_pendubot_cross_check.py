@@ -24,6 +24,11 @@ def test_the_section_says_in_words_and_numbers_what_differs():
     assert "most in b2" in told
     assert "are 0.7 of the inverse fit's" in told
     assert "0.31 encoder steps" in told
+    assert "Against the truth the inverse fit is off by" in told
+    assert "of its standard errors at most (b2)" in told
+    assert "more than 3 is no chance" in told  # forward: planted five standard errors off
+    calm = cross_check_section(inverse, ForwardFit(Estimate(e.names, TRUTH, e.covariance), 0.31, ()), RIG.base)
+    assert "no chance" not in " ".join(calm["sentences"])
     rows = section["tables"][0]["rows"]
     assert [row[0] for row in rows] == ["b1", "b2", "b4", "b5"]
     assert float(rows[1][8]) == pytest.approx(25.0 / 1.49, rel=0.01)

@@ -1,6 +1,7 @@
 """The paper's study on the virtual rig: optimum against scipy, runs against the optimum, sections whole, 99 % of a thousand runs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.optimize import least_squares
 
 from plantfit.cases.pendubot.paper_study import METHODS, paper_study
 from plantfit.cases.pendubot.sections.paper_section import errata_section, gap_section, record_section, results_section
-from plantfit.cases.pendubot.stagnation import explained, stagnation, valley
+from plantfit.cases.pendubot.stagnation import causes, stagnation, valley
 from plantfit.cases.pendubot.study_runs import CLOSE, floor_of, method_runs, triangle_of
 from plantfit.cases.pendubot.torque import CALM, torque_record, write_record
 from plantfit.cases.shared.files import unpack
@@ -68,8 +69,14 @@ def test_gaps_are_not_negative_and_refined_by_least_squares(problem, floor, swar
     found = stagnation(problem, floor, swarm, 10_000)
     assert found.refined > 0.5
     assert found.distance > 0.05  # far from the optimum at almost the same misfit
-    told = " ".join(explained(swarm, found))
-    assert "20 runs end within 0.001" in told
+    other = replace(found, refined=0.5)
+    told = causes({"PSO": found, "SSA": replace(found, refined=1.0, last=0.9), "CGA": other})
+    assert sum("least squares does not come within" in s for s in told) == 1 + (found.refined < 1)
+    assert any("SSA: half of the runs still improved after 90 % of the budget" in s for s in told)
+    assert len(set(told)) == len(told)
+    both = causes({"PSO": replace(found, refined=1.0, last=0.3), "CGA": replace(found, refined=1.0, last=0.4)})
+    assert len(both) == 2  # one sentence for both, not one for each
+    assert "PSO and CGA: half of the runs made their last improvement above 1e-07 in the first 30 % and 40 % of the budget" in both[1]
 
 
 def test_every_run_of_bounded_least_squares_reaches_the_optimum(problem, floor):

@@ -111,6 +111,27 @@ def test_intervals_hold_the_truth_and_the_factor_is_what_the_first_value_does(u,
     assert np.median(factor) == pytest.approx(np.std(value) / np.std(calm), rel=0.25)
 
 
+def test_an_unstable_plant_with_a_free_start_is_as_well_known_as_without_the_measured_one():
+    """1e-3 rad make 3 rad within the record: over the whole noise differences would leave the tangent, and the start not absorb them."""
+    model = equations(
+        "theta' = omega; omega' = a*sin(theta); y = theta",
+        states={"theta": {"unit": "rad", "initial": "y + start"}, "omega": "rad/s"},
+        outputs={"y": "rad"},
+        parameters={"a": {"unit": "1/s^2", "bounds": (50.0, 80.0)}, "start": {"unit": "rad", "bounds": (-0.1, 0.1)}},
+    )
+    t = np.arange(0, 1.0, 0.01)
+    own = {"a": (50.0, 80.0), "start": (-0.1, 0.1)}
+    problem = Problem(model, Recording(t, {"y": Signal(np.full(len(t), 1e-3), "rad")}), own, stepper="rk4", substeps=4)
+    y = problem.predict(problem.space.vector({"a": 64.0, "start": 0.0}))["y"]
+    y = y + 1e-3 * np.random.default_rng(3).normal(size=len(y))
+    problem = problem.with_recordings({next(iter(problem.experiments)): Recording(t, {"y": Signal(y, "rad")})})
+    z = descent(problem, problem.space.cube(problem.space.vector({"a": 64.0, "start": 1e-3 - y[0]}))).z
+    local = linearise(problem, z)
+    assert first_value_effects(problem, z, residual_blocks(problem)).shape[1] == 1
+    assert local.linear is not None
+    np.testing.assert_allclose(local.linear.begun[:1], 1.0, atol=0.05)  # `start` takes up what the value does: a does not move
+
+
 def test_the_sentence_stands_where_it_matters():
     y = clean() + NOISE * np.random.default_rng(1).normal(size=N)
     for initial, said in (("measured", True), ("free", False)):

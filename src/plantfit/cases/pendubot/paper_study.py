@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cases.pendubot.sections.paper_section import Section, errata_section, gap_section, record_section, results_section
-from plantfit.cases.pendubot.stagnation import bound_bias, explained, salps_in, stagnation, valley
+from plantfit.cases.pendubot.stagnation import bound_bias, causes, salps_in, stagnation, valley, with_more
 from plantfit.cases.pendubot.study_runs import Floor, MethodRuns, floor_of, method_runs
 from plantfit.cases.pendubot.torque import CALM, TorqueRecord, torque_record, write_record
 from plantfit.problem import Problem
@@ -47,9 +47,7 @@ def paper_study(
     untuned, longer = made("pso", plain, others), made("pso", plain, others, LONGER * plan.budget)
     least_squares = made("least_squares", {"agree": 3}, others)
     found = {m: stagnation(problem, floor, r, plan.budget) for m, r in tuned.items()}
-    told = [s for m, r in tuned.items() for s in explained(r, found[m])]
-    plainly = explained(untuned, stagnation(problem, floor, untuned, plan.budget), longer, LONGER)
-    told.append("With its default settings: " + " ".join(plainly))
+    told = [*causes({tuned[m].label: s for m, s in found.items()}), with_more(untuned, longer, LONGER)]
     told.append(bound_bias([(tuned[m].label, s) for m, s in found.items()]))
     share, _ = least_squares.share_close
     told.append(f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the optimum.")
@@ -81,7 +79,7 @@ def calm_section(file: Path, runs: int, progress: Callable[[Any], None] | None =
         f"An observer that takes the encoders' noise for what it is makes the torque chatter less: the optimum has an RMSE of "
         f"{floor.rmse:.4g} N m in place of the paper's 0.015. A relative gap of 0.1 % is then a smaller torque.",
         *floor.sentences,
-        *(s for r in [*tuned, printed] for s in explained(r, stagnation(problem, floor, r, plan.budget))),
+        *causes({r.label: stagnation(problem, floor, r, plan.budget) for r in [*tuned, printed]}),
         salps_in(valley(problem, floor), plan.budget // plan.settings["salp_swarm"]["population"]),
         "As printed, the salp swarm's leader jumps upwards only (c3 >= 0 always holds) and alone.",
     ]

@@ -1,6 +1,6 @@
 """Why runs stop short of the optimum: other minima, a flat valley, a swarm that has drawn together, or bounds; measured, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from plantfit.problem import Problem
 REAL = 1e-7  # relative decrease of the cost that counts as an improvement
 ENDS = 6  # answers from which least squares goes on
 REACHED = 0.05 * CLOSE  # a gap that counts as closed; corners of the bounds closer than that do not matter here
+STILL = 0.8  # share of the budget: a last improvement after it is that of a run that still goes on
 NEGLIGIBLE = 1e-9  # a gap below it is rounding
 ON_BOUND = 1e-9  # of the range
 
@@ -60,40 +61,54 @@ def _small(value: float) -> str:
     return f"{value:.2g}" if value >= 0.01 else f"{value:.1e}"
 
 
-def explained(runs: MethodRuns, found: Stagnation, longer: MethodRuns | None = None, times: int = 5) -> list[str]:
-    """The measurements as sentences."""
-    (share, (low, high)), typical = runs.share_close, _small(float(np.median(runs.gap)))
+def with_more(runs: MethodRuns, longer: MethodRuns, times: int) -> str:
+    """How near runs come, and with so many times the budget, in a sentence."""
+    share, typical = runs.share_close[0], _small(float(np.median(runs.gap)))
+    gain = np.median(runs.gap) / max(np.median(longer.gap), 1e-300)
+    what = "more search does not help" if gain < 2 else f"{gain:.1f} times less"
+    return (
+        f"With its default settings {runs.label} ends within {CLOSE:g} of the optimum in {100 * share:.0f} % of {len(runs.gap)} runs, at a "
+        f"median gap of {typical}; with {times} times the budget at {_small(float(np.median(longer.gap)))}: {what}."
+    )
+
+
+def causes(found: Mapping[str, Stagnation]) -> list[str]:
+    """Why the runs of each method stop where they do; methods with the same cause share a sentence."""
     told = [
-        f"{runs.label}: {100 * share:.1f} % of {len(runs.gap)} runs end within {CLOSE:g} of the optimum "
-        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), median gap {typical}, largest {_small(runs.gap.max())}."
+        f"From {100 * (1 - s.refined):.0f} % of the {ENDS} worst answers of {n} least squares does not come within {REACHED:g} either: "
+        "other minima hold them, or its steps were too few."
+        for n, s in found.items()
+        if s.refined < 1
     ]
-    if longer is not None:
-        gain = np.median(runs.gap) / max(np.median(longer.gap), 1e-300)
-        what = "more search does not help" if gain < 2 else f"{gain:.1f} times less"
-        told.append(f"With {times} times the budget its median gap is {_small(float(np.median(longer.gap)))}: {what}.")
-    told.append(_cause(found))
+    free = {n: s for n, s in found.items() if s.refined == 1}
+    if free:
+        told.append(
+            f"No other minimum above {REACHED:g} holds {_and(free)}: least squares from the {ENDS} worst answers of each ends below that. "
+            f"At almost the same misfit their answers lie {_and(f'{s.distance:.2f}' for s in free.values())} of the bounds' width away "
+            "from the optimum (median; the parameter farthest off): a flat valley."
+        )
+    early, late = ({n: s for n, s in free.items() if (s.last < STILL) is is_early} for is_early in (True, False))
+    if early:
+        told.append(
+            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} of the budget. They "
+            "drew together on the valley's floor too early."
+        )
+    if late:
+        told.append(
+            f"{_and(late)}: half of the runs still improved after {_shares(late)} of the budget. They creep along the valley until the "
+            "budget is spent."
+        )
     return told
 
 
-def _cause(found: Stagnation) -> str:
-    if found.refined < 1:
-        return (
-            f"From {100 * (1 - found.refined):.0f} % of its {ENDS} worst answers least squares does not come within {REACHED:g} either: "
-            "other minima hold them, or its steps were too few."
-        )
-    reached = f"No other minimum above {REACHED:g} holds them: least squares from the {ENDS} worst answers ends below that."
-    valley = (
-        f"The answers lie {found.distance:.2f} of the bounds' width away from it (median; the parameter farthest off) "
-        "at almost the same misfit: a flat valley."
-    )
-    share = f"{100 * found.last:.0f} % of the budget"
-    if found.last < 0.8:
-        how = (
-            f"Half of the runs made their last improvement above {REAL:g} in the first {share}: they drew together on its floor too early."
-        )
-    else:
-        how = f"Half of the runs still improved after {share}: they creep along it until the budget is spent."
-    return f"{reached} {valley} {how}"
+def _shares(found: Mapping[str, Stagnation]) -> str:
+    return _and(f"{100 * s.last:.0f} %" for s in found.values())
+
+
+def _and(words: Iterable[str]) -> str:
+    """Words in a row, equal ones once."""
+    *first, last = dict.fromkeys(words)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,13 @@ def drive_section(made: RigRecord, answer: Answer) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def lost(made: RigRecord, answer: Answer) -> dict[str, float]:
+    """The largest error (mm) of odometry with the true wheels, with a ruler's and with fitted ones."""
+    true, fitted = Way(*(made.exact[n] for n in Way._fields)), {n: answer.values[n] for n in TRUE}
+    sets = {"with the true wheels": TRUE, "with wheels by a ruler": RULER, "with wheels fitted to a camera": fitted}
+    return {name: float(np.max(_off(odometry_of(made.recording, wheels), true))) for name, wheels in sets.items()}
+
+
 def _off(way: Way, true: Way) -> np.ndarray:
     return 1e3 * np.hypot(way.x - true.x, way.y - true.y)
 

@@ -8,6 +8,8 @@ from typing import Any
 from plantfit.errors import SimulationError
 from plantfit.fitting import Answer
 
+FOUND = "What was found"
+
 
 def figure(name: str, value: float, unit: str | None, reference: float | None = None, source: str = "") -> dict[str, Any]:
     """A number reached, with the number that others reached and where that stands. Raises SimulationError unless finite."""
@@ -26,8 +28,10 @@ def record(
     sections: Sequence[dict[str, Any]] = (),
     subtitle: str = "",
     pages: Sequence[Path] = (),
+    found: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The record that `registry.demos` describes."""
+    """The record that `registry.demos` describes; `found` are its first section."""
+    first = [{"title": FOUND, "sentences": list(found)}] if found else []
     return {
         "name": name,
         "title": title,
@@ -36,6 +40,7 @@ def record(
         "sentences": list(sentences),
         "answers": list(answers),
         "files": list(files),
-        "sections": list(sections),
+        "found": list(found),
+        "sections": [*first, *sections],
         "pages": list(pages),
     }

@@ -20,6 +20,18 @@ _SENTENCES = {
     "robot": "A robot's motor on a virtual bench: identified, then its PID tuned by 300 000 closed loops and by a hundredth of them.",
 }
 
+# seconds of processor time on one core of a server (x86-64, 2026) with compiled code in the cache, measured
+_SECONDS = {
+    "pendubot": 105, "gearmotor": 40, "tanks": 12, "emps": 12, "double_pendulum": 45, "motor": 140, "steam": 226, "exchanger": 33,
+    "heater": 20, "thermal": 20, "robot": 23,
+}  # fmt: skip
+TIMED_ON = "Times are of one core of an x86-64 server, without --full; a first run compiles for up to 40 s more."
+
+
+def seconds(name: str) -> int:
+    """How long a demo takes, without `full`: processor time in s, see `TIMED_ON`."""
+    return _SECONDS[name]
+
 
 def demos() -> dict[str, tuple[str, Callable[[], Run]]]:
     """Name -> (sentence, loader); `loader()` gives `run(folder, progress=None) -> record`, some with `full=False` besides.
@@ -29,7 +41,7 @@ def demos() -> dict[str, tuple[str, Callable[[], Run]]]:
 
         {"name": str, "title": str,
          "figures": [{"name", "value", "unit", "reference": number | None, "source": str}],
-         "sentences": [str], "answers": [Answer], "files": [Path of each study file],
+         "found": [what was found, str; may be none], "sentences": [str], "answers": [Answer], "files": [Path of each study file],
          "subtitle": str, "sections": [parts of a page of its own, see `plantfit.report.case_page`; may be none],
          "pages": [Path of each further page that was written]}
 

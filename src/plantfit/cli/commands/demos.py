@@ -12,27 +12,32 @@ from plantfit.errors import Interrupted, SpecError
 
 
 def listed(json: bool) -> None:
-    """Names and sentences of the demos."""
-    from plantfit.cases.shared.registry import demos
+    """Names of the demos, how long each takes, and what it shows."""
+    from plantfit.cases.shared.registry import TIMED_ON, demos, seconds
 
     rows = {name: sentence for name, (sentence, _) in demos().items()}
     if json:
-        return print_json(rows)
+        return print_json({name: {"sentence": sentence, "seconds": seconds(name)} for name, sentence in rows.items()})
     width = max(map(len, rows))
     for name, sentence in rows.items():
-        out.print(f"{name:{width}}  {sentence}", markup=False)
+        out.print(f"{name:{width}}  {_about(seconds(name)):>11}  {sentence}", markup=False)
+    out.print(f"\n{TIMED_ON}", markup=False)
+
+
+def _about(seconds: float) -> str:
+    return f"about {5 * max(1, round(seconds / 5))} s" if seconds < 55 else f"about {seconds / 60:.0f} min"
 
 
 def demo(name: str, folder: str, full: bool, json: bool) -> None:
     """Run one demo in `folder`/`name` and write a report for every fit, and a page of its own where it has sections."""
-    from plantfit.cases.shared.registry import demos
+    from plantfit.cases.shared.registry import demos, seconds
 
     known = demos()
     if name not in known:
         raise SpecError(f"There is no demo {name!r}; there are {', '.join(known)}.")
     sentence, load = known[name]
     if not json:
-        out.print(f"[bold]{name}[/bold]: {sentence}\n")
+        out.print(f"[bold]{name}[/bold]: {sentence}\n{'' if full else f'This takes {_about(seconds(name))}.'}\n")
     began, place = time.perf_counter(), Path(folder) / name
     stopped = f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew."
     try:
@@ -53,12 +58,16 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
         pages = [write_case_page(record, place / own, [*names, *further]), *pages, *record["pages"]]
     reports = [str(page.resolve()) for page in pages]
     if json:
-        plain = {k: record[k] for k in ("name", "title", "figures", "sentences")}
+        plain = {k: record[k] for k in ("name", "title", "found", "figures", "sentences")}
         fits = [
             {"name": a.problem.name, "values": a.values, "verdict": a.findings["verdict"], "scores": a.findings["scores"]}
             for a in record["answers"]
         ]
         return print_json({**plain, "fits": fits, "reports": reports, "seconds": time.perf_counter() - began})
+    for line in record["found"]:
+        out.print(f"- {line}", markup=False)
+    if record["found"]:
+        out.print()
     if any("command" in s for s in record["sections"]):
         _story(record["sections"], place)
     else:

@@ -50,7 +50,7 @@ def pair_sentence(pair: Pair) -> str:
 
 def _outcome(pair: Pair) -> str:
     runs = f"{pair.runs[0]} and {pair.runs[1]} runs"
-    effect = f"A12 {pair.a12:.2f} ({_interval(pair.a12_interval, '.2f')})"
+    effect = f"A12, the share of pairs won, {pair.a12:.2f} ({_interval(pair.a12_interval, '.2f')})"
     p = f"{p_value(pair.p_holm)}{f' after Holm for {pair.pairs} pairs' if pair.pairs > 1 else ''}"
     if pair.differs:
         size = effect_word(pair.a12)

@@ -12,6 +12,7 @@ from plantfit.recording.record import Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.trust.intervals.covariance import Block
 
+STEP = 1e-3  # of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
 LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
@@ -28,12 +29,12 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
     columns = []
     for output in _used(problem, z):
         noise = {n: _noise(here, rows, problem, n, o) for (n, o), rows in rows_of.items() if o == output}
-        above, below = (residuals(_moved(problem, output, noise, sign), z) for sign in (1.0, -1.0))
+        above, below = (residuals(_moved(problem, output, noise, step), z) for step in (STEP, -STEP))
         for name in noise:
             column = np.zeros(len(here))
             for (owner, _), rows in rows_of.items():
                 if owner == name:
-                    column[rows] = 0.5 * (above - below)[rows]
+                    column[rows] = (above - below)[rows] / (2 * STEP)
             columns.append(column)
     found = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
     return found[:, np.all(np.isfinite(found), axis=0)]
@@ -65,7 +66,7 @@ def _noise(here: np.ndarray, rows: slice, problem: Problem, name: str, output: s
     return float(np.sqrt(np.mean(here[rows] ** 2) * len(here) / free / weight)) * float(problem.scales[output])
 
 
-def _moved(problem: Problem, output: str, noise: Mapping[str, float], sign: float) -> Problem:
+def _moved(problem: Problem, output: str, noise: Mapping[str, float], step: float) -> Problem:
     """The problem with the first measured value of one output moved in every recording, by so much of its noise."""
     recordings = {}
     for name, experiment in problem.experiments.items():
@@ -73,7 +74,7 @@ def _moved(problem: Problem, output: str, noise: Mapping[str, float], sign: floa
         y = np.array(record[output], dtype=float)
         seen = np.flatnonzero(np.isfinite(y))
         if len(seen):
-            y[seen[0]] += sign * noise.get(name, 0.0)
+            y[seen[0]] += step * noise.get(name, 0.0)
         signals = {**record.signals, output: Signal(y, record.signals[output].unit)}
         recordings[name] = dataclasses.replace(record, signals=signals)
     return problem.with_recordings(recordings)

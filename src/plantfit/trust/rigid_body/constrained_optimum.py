@@ -26,7 +26,7 @@ class Optimum:
     """The lowest mean square inside box and constraints.
 
     `values` by name, `coefficients` (k,); `cost` the mean square, `rmse` its root; `free_cost` that of plain least squares on the
-    coefficients; `active` what presses, in words; `kkt` the gradient that no active constraint holds, as relative change of
+    coefficients; `active` what holds it there, in words; `kkt` the gradient that no active constraint holds, as relative change of
     the cost per width of the box; `agreeing` of `starts` that ended at this cost.
     """
 
@@ -55,7 +55,7 @@ class Optimum:
             return f"The least-squares optimum, RMSE {self.rmse:.6g}, is physically possible: no bound or constraint presses ({found})."
         more = number(100.0 * (self.rmse / np.sqrt(self.free_cost) - 1.0)) if self.free_cost > 0 else "infinitely many"
         above = f"The constrained optimum has RMSE {self.rmse:.6g}, {more} % above plain least squares"
-        return f"{above}; what presses: {some(self.active, most=8)} ({found})."
+        return f"{above}; what holds it there: {some(self.active, most=8)} ({found})."
 
 
 def constrained_optimum(

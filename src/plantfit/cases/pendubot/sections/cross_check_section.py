@@ -10,6 +10,8 @@ from plantfit.estimate import Estimate, InverseFit
 from plantfit.models.library.pendubot_terms import BASE_UNITS
 from plantfit.trust.verdict.words import number, span
 
+FAR = 3.0  # standard errors: the largest of four independent ones is above it once in 90 fits
+
 
 def cross_check_section(
     inverse: InverseFit,
@@ -36,6 +38,8 @@ def cross_check_section(
         f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the angles; rounding alone leaves about 0.289. "
         "It takes the recorded voltage as exact, and the inverse fit does not need the angles to follow from it.",
     ]
+    if truth is not None:
+        sentences.insert(2, _against_truth(inverse.estimate, forward.estimate, truth))
     fits = {"Least squares": inverse.least_squares, "Inverse fit": inverse.estimate, "Forward fit": forward.estimate}
     columns = ["Parameter", "Unit", *(c for n in fits for c in (n, "± 95 %")), "Chi-squared, forward against inverse"]
     rows = [_row(k, name, fits, float(compared.chi_squared[k])) for k, name in enumerate(BASE_UNITS)]
@@ -50,6 +54,27 @@ def cross_check_section(
         "sentences": sentences,
         "tables": [{"caption": "The same record by three fits", "columns": columns, "rows": rows, "note": note}],
     }
+
+
+def _against_truth(inverse: Estimate, forward: Estimate, truth: Mapping[str, float]) -> str:
+    """How far both fits are from what is known: two fits of one record may agree and be wrong together."""
+    true = np.array([truth[n] for n in inverse.names])
+    off = {label: (e.values - true) / e.standard_error for label, e in (("inverse", inverse), ("forward", forward))}
+    parts = [
+        f"the {label} fit is off by {number(abs(z[k]))} of its standard errors at most ({inverse.names[k]})"
+        for label, z in off.items()
+        for k in [int(np.argmax(np.abs(z)))]
+    ]
+    both = max(np.max(np.abs(z)) for z in off.values())
+    end = (
+        "."
+        if both <= FAR
+        else (
+            f": more than {FAR:g} is no chance of one fit in a hundred. Both use the same angles, and an error of the encoders moves them "
+            "together, which their comparison cannot show."
+        )
+    )
+    return f"Against the truth {parts[0]}, {parts[1]}{end}"
 
 
 def _row(k: int, name: str, fits: Mapping[str, Estimate], chi: float) -> list[str]:

@@ -159,7 +159,7 @@ def _floor(
     caption = "The floor that every optimizer is compared to"
     table = {
         "caption": caption,
-        "columns": ["Within", "RMSE [N m]", "Above least squares", "What presses", "First-order residual"],
+        "columns": ["Within", "RMSE [N m]", "Above least squares", "What holds it there", "First-order residual"],
         "rows": rows,
     }
     return sentences, table
