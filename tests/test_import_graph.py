@@ -21,10 +21,7 @@ def rooms_of_table() -> dict[str, set[str]]:
     named: dict[str, set[str]] = {}
     for room, allowed in rows:
         text = allowed.strip()
-        if text == "all above":
-            names = set(named)
-        else:
-            names = {n.strip() for n in text.split(",") if n.strip()}
+        names = set(named) if text == "all above" else {n.strip() for n in text.split(",") if n.strip()}
         if "contracts" in names:
             names = names - {"contracts"} | CONTRACTS
         named[_room(room)] = names
