@@ -8,7 +8,8 @@ from html.parser import HTMLParser
 import pytest
 from chromium import drawn
 from findings_example import example
-from jinja2 import Environment, meta
+from jinja2 import meta
+from markupsafe import escape
 
 from plantfit.errors import PlantfitError, StoreError
 from plantfit.findings import read_findings
@@ -106,6 +107,11 @@ def test_names_from_outside_are_text_only():
         assert "<img" not in json.dumps(figure)  # plotly reads tags in its texts
 
 
+def test_commands_in_sentences_have_the_type_of_commands():
+    assert html.coded("Run `plantfit check a.toml` first.") == "Run <code>plantfit check a.toml</code> first."
+    assert html.coded(f"`{EVIL}` and {EVIL}, a lone ` too") == f"<code>{escape(EVIL)}</code> and {escape(EVIL)}, a lone ` too"
+
+
 def test_embedded_json_cannot_end_its_element_and_reads_back():
     value = {"a": EVIL + "\u2028&<!--"}
     text = html.embedded(value)
@@ -194,7 +200,9 @@ def test_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
 def test_the_template_shows_all_that_the_page_is_given():
     """Jinja says nothing of a value that no template uses: a new section would not appear."""
     used = {
-        n for name in ("report.html", "frame.html") for n in meta.find_undeclared_variables(Environment().parse(html.template_text(name)))
+        n
+        for name in ("report.html", "frame.html")
+        for n in meta.find_undeclared_variables(html.environment().parse(html.template_text(name)))
     }
     given = set(html._context(read_findings(example(samples=50))))
     assert given - used == set()

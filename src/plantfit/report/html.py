@@ -97,15 +97,31 @@ def render_html(findings: Mapping[str, Any]) -> str:
 
 def render_page(template: str, context: Mapping[str, Any]) -> str:
     """A template with everything that its page needs inside."""
-    environment = jinja2.Environment(loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    return environment.get_template(template).render(
-        context,
-        style=Markup(template_text("style.css")),
-        plotly=Markup(_plotly()),
-        draw=Markup(template_text("draw.js")),
-        config=embedded(CONFIG),
+    return (
+        environment()
+        .get_template(template)
+        .render(
+            context,
+            style=Markup(template_text("style.css")),
+            plotly=Markup(_plotly()),
+            draw=Markup(template_text("draw.js")),
+            config=embedded(CONFIG),
+        )
     )
+
+
+def environment() -> jinja2.Environment:
+    """What all templates are read with."""
+    found = jinja2.Environment(loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined)
+    found.trim_blocks = found.lstrip_blocks = True
+    found.filters["coded"] = coded
+    return found
+
+
+def coded(sentence: str) -> Markup:
+    """A sentence for a page, with what stands between backticks in the type of commands."""
+    parts = re.split(r"`([^`]+)`", sentence)
+    return Markup("").join(Markup("<code>{}</code>").format(part) if k % 2 else part for k, part in enumerate(parts))
 
 
 def _plotly() -> str:

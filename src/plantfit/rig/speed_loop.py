@@ -19,9 +19,9 @@ def driven_by_pid(
 ) -> Recording:
     """The voltage V (N,) that the PID gives along `set_points` (N,), one every period of the rig, from rest.
 
-    `record(seed, it)` of the rig is the loop's record: the same encoder, the same motion. `units` of speed and voltage are the controller's;
-    `set_points` are in its unit. Without a pulse for timeout of the rig (s), or since the start, the speed reads 0. Raises SimulationError for
-    a speed that is not finite any more, UnitError for units that are not of a speed and a voltage.
+    `record(seed, it)` of the rig is the loop's record: the same encoder, the same motion. `units` of speed and voltage are the
+    controller's; `set_points` are in its unit. Without a pulse for the rig's timeout (s), or since the start, the speed reads 0.
+    Raises SimulationError for a speed that is not finite any more, UnitError for units that are not of a speed and a voltage.
     """
     speed, volt = factor_offset("rad/s", units[0] or "rad/s")[0], factor_offset(units[1] or "V", "V")[0]
     phase, slots = rig.encoder(np.random.default_rng(seed))
