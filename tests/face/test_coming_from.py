@@ -1,4 +1,4 @@
-"""docs/coming-from.md: what it types here runs: its Python, its commands, and the keys that it names."""
+"""What docs/coming-from.md and README.md type runs: their Python, the commands, and the keys that are named."""
 
 import re
 import sys
@@ -91,6 +91,14 @@ def test_exports_and_keys_of_the_page_are_there():
     assert {"matlab", "c", "casadi", "control"} <= set(TARGETS) & set(re.findall(r"\w+", row))
     keys = {k for table in json_schema()["$defs"].values() for k in table.get("properties", {})}
     assert {k for c in CODE if (k := c.split(" = ")[0]) in ("clean", "value", "tied")} == {"clean", "value", "tied"} & keys
+
+
+def test_the_five_lines_of_the_readme_run(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    heater(tmp_path)
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    exec(compile(block, "README.md", "exec"), {})
+    assert (tmp_path / "heater.html").is_file()
 
 
 @pytest.mark.slow
