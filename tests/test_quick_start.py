@@ -71,11 +71,24 @@ def test_a_slip_in_a_study_file_is_told_before_anything_heavy_is_loaded(tmp_path
     assert not loaded & set(HEAVY)
 
 
-def test_a_check_loads_what_it_simulates_with_and_no_statistics():
+def test_a_check_loads_what_it_simulates_with_and_nothing_of_scipy():
+    """scipy.linalg alone takes a fifth of the time of jax."""
     loaded, code, told = _loaded(_COMMAND, "check", str(HEATER))
     assert code == ["0"], told
     assert {"jax", "polars", "pint"} <= loaded
-    assert not loaded & {*SLOW_OF_SCIPY, "scipy.optimize", "sqlalchemy", "plotly", "plantfit.report.html"}
+    rooms = {"scipy.linalg", "scipy.special", "scipy.optimize", *SLOW_OF_SCIPY}
+    assert not loaded & {*rooms, "sqlalchemy", "plotly", "plantfit.report.html"}
+
+
+def test_blas_runs_on_one_thread_also_where_scipy_is_loaded_later():
+    """Sums change their last bits with the number of threads."""
+    code = (
+        "import plantfit.runtime\nimport scipy.linalg, threadpoolctl\n"
+        "print('LOADED', *(p['num_threads'] for p in threadpoolctl.threadpool_info() if p['user_api'] == 'blas'))"
+    )
+    threads, first, told = _loaded(code)
+    assert first, told
+    assert {*first, *threads} == {"1"}
 
 
 def test_a_run_loads_no_distributions_of_scipy(tmp_path):

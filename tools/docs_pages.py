@@ -17,6 +17,9 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "src"))
+sys.path.insert(0, str(ROOT / "tools"))
+from verdict_pictures import pictures
+
 from plantfit.findings import findings_schema
 from plantfit.spec.tables import json_schema
 
@@ -33,6 +36,7 @@ def on_files(files: Files, config: Any) -> Files:
         "reference/study-file.schema.json": json.dumps(json_schema(), indent=1),
         "reference/findings.schema.json": json.dumps(findings_schema(), indent=1),
     }
+    pages |= {f"verdict/{name}.svg": svg for name, svg in pictures().items()}
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     return files

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
+import scipy  # scipy.linalg is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
 
@@ -115,7 +115,7 @@ def _step(columns: np.ndarray, r: np.ndarray, at: np.ndarray, s: np.ndarray, fre
         q, triangle = np.linalg.qr(some / scale)
         diagonal = np.abs(np.diag(triangle))
         if np.min(diagonal) > PLAIN * np.max(diagonal):
-            step[free] = -solve_triangular(triangle, q.T @ rest, check_finite=False) / scale
+            step[free] = -scipy.linalg.solve_triangular(triangle, q.T @ rest, check_finite=False) / scale
             return step
     step[free] = Orthogonal.of(some).step(rest)
     return step

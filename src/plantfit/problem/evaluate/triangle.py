@@ -5,7 +5,7 @@ program itself runs on, and two of them at once wait for each other for ever.
 """
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy  # scipy.linalg is loaded at its first use
 
 ROWS = 256  # of the pieces that are taken in one after the other, so that they stay in the cache
 PANEL = 8  # columns that are reflected together
@@ -22,7 +22,7 @@ def triangle(rows: np.ndarray) -> np.ndarray:
         for first in range(0, m, ROWS):
             piece = np.asfortranarray(_settled(rows[first : first + ROWS]))
             # the QR decomposition of a triangle on top of more rows
-            found, _, _, _ = lapack.dtpqrt(0, min(PANEL, n), found, piece, overwrite_a=True, overwrite_b=True)
+            found, _, _, _ = scipy.linalg.lapack.dtpqrt(0, min(PANEL, n), found, piece, overwrite_a=True, overwrite_b=True)
         found = np.triu(found)
     found = np.asarray(found)
     return found if np.all(np.isfinite(found)) else np.full(found.shape, np.nan)

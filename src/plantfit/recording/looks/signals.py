@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import special
+import scipy  # scipy.special is loaded at its first use
 
 from plantfit.recording.looks.look import Look
 from plantfit.recording.record import Recording
@@ -122,9 +122,11 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
     if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0:
         return None
     share = 1.0 - left[1] / left[0]
+    if share < SHARE:
+        return None
     f = share / max(1.0 - share, 1e-300) * (n - both.shape[1]) / LAGS
-    chance = float(special.fdtrc(LAGS, n - both.shape[1], f))
-    if chance > SURE or share < SHARE:
+    chance = float(scipy.special.fdtrc(LAGS, n - both.shape[1], f))
+    if chance > SURE:
         return None
     return Look(
         "feedback", "warning", recording.name, u,

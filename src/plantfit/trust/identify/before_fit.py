@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import PlantfitError
+from plantfit.problem.evaluate.points import residuals_and_jacobian, shared
 from plantfit.problem.problem import Problem
 from plantfit.trust.verdict.words import some
 
@@ -104,15 +105,24 @@ def _spread(problem: Problem, output: str) -> float:
 
 def _at(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """(values (d,), sensitivities (k, d) of residuals whose noise is 1 by the logarithms of the values), None where not finite."""
-    r, jacobian = problem.compressed(z)
-    count = sum(len(block[0]) for block in problem.blocks(z))
-    if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
+    jacobian = _sensitivities(problem, z)
+    if jacobian is None:
         return None
     space, p = problem.space, np.asarray(problem.space.physical(z))
     by_log = np.array(
         [1 / np.log(c.upper / c.lower) if c.log else v / (c.upper - c.lower) for c, v in zip(space.coordinates, p, strict=True)]
     )
-    return p, jacobian * by_log * np.sqrt(count / len(r))
+    return p, jacobian * by_log
+
+
+def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
+    """Sensitivities (k, d) in few rows with the Gauss-Newton matrix of all, by what choosing the steps compiled already where it did so."""
+    if shared(problem):
+        r, jacobian = residuals_and_jacobian(problem, z)
+        return np.linalg.qr(jacobian, mode="r") if np.isfinite(r).all() and np.isfinite(jacobian).all() else None
+    r, jacobian = problem.compressed(z)
+    count = sum(len(block[0]) for block in problem.blocks(z))
+    return jacobian * np.sqrt(count / len(r)) if np.isfinite(r).all() and np.isfinite(jacobian).all() else None
 
 
 def _open(jacobian: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy  # scipy.special is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
@@ -106,7 +106,7 @@ def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k
 
 def coverage_factors(degrees: np.ndarray) -> np.ndarray:
     """Of 95 % for effective degrees of freedom, cut to whole numbers (JCGM 100, G.4.1); 1.96 for many."""
-    return np.where(degrees > MANY, 1.96, stdtrit(np.maximum(1.0, np.floor(np.minimum(degrees, MANY))), 0.975))
+    return np.where(degrees > MANY, 1.96, scipy.special.stdtrit(np.maximum(1.0, np.floor(np.minimum(degrees, MANY))), 0.975))
 
 
 def propagate_by_monte_carlo(

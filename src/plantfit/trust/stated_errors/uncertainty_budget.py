@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy  # scipy.special is loaded at its first use
 
 from plantfit.errors import RecordingError
 
@@ -114,7 +114,7 @@ class Budget:
     def coverage_factor(self, level: float = 0.95) -> float:
         """Student's t for the effective degrees of freedom, cut to a whole number (JCGM 100, G.4.1)."""
         nu = self.degrees_of_freedom
-        return float(ndtri(0.5 + level / 2) if nu > MANY else stdtrit(max(1.0, np.floor(nu)), 0.5 + level / 2))
+        return float(scipy.special.ndtri(0.5 + level / 2) if nu > MANY else scipy.special.stdtrit(max(1.0, np.floor(nu)), 0.5 + level / 2))
 
     def expanded(self, k: float = 2.0) -> float:
         """Expanded uncertainty k times the combined one."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy  # scipy.special is loaded at its first use
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ def whiteness(residuals: np.ndarray, lags: int | None = None, order: int = 0) ->
     lags = lags or max(1, min(40, n // 5))
     r = autocorrelation(residuals, lags)
     statistic = n * (n + 2) * float(np.sum(r[1:] ** 2 / (n - np.arange(1, lags + 1))))
-    return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(special.chdtrc(lags - order, statistic))
+    return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(scipy.special.chdtrc(lags - order, statistic))
 
 
 def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | None = None) -> Correlation:
@@ -58,7 +58,7 @@ def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | Non
 def independent(correlation: Correlation) -> bool:
     """No lag beyond the band widened for the number of lags looked at (Sidak, 1 % in all)."""
     k = len(correlation.values)
-    wide = -special.ndtri(0.5 * (1.0 - 0.99 ** (1.0 / k))) / 1.96
+    wide = -scipy.special.ndtri(0.5 * (1.0 - 0.99 ** (1.0 / k))) / 1.96
     return bool(np.max(np.abs(correlation.values)) <= wide * correlation.bound)
 
 
