@@ -118,7 +118,7 @@ def test_more_recordings_do_not_make_more_sentences():
 def row(name, status, recording=None, index=(), value=1.0):
     return {
         "name": name, "parameter": name.split("[")[0], "recording": recording, "index": list(index), "unit": "s", "value": value,
-        "standard_error": 0.1, "lower_bound": 0.0, "upper_bound": 2.0, "status": status,
+        "standard_error": 0.1, "low": 0.8, "high": 1.2, "lower_bound": 0.0, "upper_bound": 2.0, "status": status,
         "at_bound": "upper" if status == "at bound" else None,
     }  # fmt: skip
 

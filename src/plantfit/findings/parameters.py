@@ -111,6 +111,8 @@ class Determined(Record):
     """Determined parameters and combinations."""
     of: int
     """Free parameters."""
+    directions: int | None = None
+    """Independent directions that the data fix near the answer, those that no formula names among them."""
     sound: bool
     """False where too few independent samples are left for intervals that hold."""
     samples: Number = None

@@ -61,6 +61,7 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
     return Determined(
         count=d - len(loose) + len(found),
         of=d,
+        directions=d - len(loose) + (known_directions(linear, loose) if linear.sound else 0),
         sound=linear.sound,
         samples=linear.samples,
         first_values=_by_first_values(names, linear, status),
@@ -113,6 +114,11 @@ def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]
     return result
 
 
+def known_directions(linear: Linear, loose: Sequence[int]) -> int:
+    """How many independent combinations of the parameters `loose` are known near the answer, whatever their form."""
+    return int(np.sum(np.linalg.eigvalsh(linear.spread[np.ix_(loose, loose)]) <= ROUGH**2)) if len(loose) else 0
+
+
 def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], ranges: Mapping[int, Range]) -> list[Combination]:
     """Independent combinations of the parameters `loose`, the fewest parameters in each, that the data determine.
 
@@ -125,7 +131,7 @@ def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], rang
     moved = np.max(np.abs(cloud - linear.values), axis=0) / linear.size  # one that is small at the answer may be large elsewhere
     reach = np.maximum(moved, 1.0)[loose]
     spread = linear.spread[np.ix_(loose, loose)]
-    wanted = int(np.sum(np.linalg.eigvalsh(spread) <= ROUGH**2))
+    wanted = known_directions(linear, loose)
     kept: list[Combination] = []
     directions = np.zeros((0, len(loose)))
     for subset in islice(_subsets(len(loose)), SUBSETS):

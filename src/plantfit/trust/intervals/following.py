@@ -1,7 +1,7 @@
 """Ends of ranges followed on the problem itself: one parameter is moved, all others are fitted anew, and the cost is compared."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -34,7 +34,8 @@ class Place:
     """One coordinate held `at` a place of its edge of the cube, the others fitted anew.
 
     `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there. `settled`: the
-    refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall beyond it.
+    refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall to the threshold beyond it;
+    `limited`: where it leans, physics sets a limit somewhere beyond.
     """
 
     at: float
@@ -44,6 +45,7 @@ class Place:
     jacobian: np.ndarray
     settled: bool = True
     leans: bool = False
+    limited: bool = True
 
 
 class Followed:
@@ -153,7 +155,7 @@ class Followed:
         for probe in range(PROBES):
             left = self.left
             found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start)
-            if found is None or (found.share > 1.0 and not found.settled):  # too far for one refit
+            if found is None or (found.share > 1.0 and not (found.settled and found.limited)):  # too far for one refit, or for the box
                 if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
                     break
                 at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
@@ -161,11 +163,13 @@ class Followed:
             if found.share <= 1.0:
                 inside, self.left = found, left if on else self.left
                 self.met.append(found.point)
-            elif found.leans:
-                return self._unstopped(i, sign, inside, end)  # the bound may hold what the data do not
+            elif found.leans:  # a bound may hold what the data do not
+                if at == edge:
+                    return float(self.limits[i][1 if sign > 0 else 0])
+                inside = replace(found, share=1.0)
             else:
                 outside = found
-            if probe == 0 and not on and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
+            if probe == 0 and not on and inside.share < 1.0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
                 return end
             if at == edge and found.share <= 1.0:
                 return self._beyond(i, sign, found.share, end)
@@ -224,12 +228,17 @@ class Followed:
         return float(inside.at + (1.0 - low) / max(high - low, 1e-12) * (outside.at - inside.at))
 
     def _beyond(self, i: int, sign: float, share: float, end: float) -> float:
-        """Where a range ends that goes on to the edge of the box: by the growth there, as far as it says anything."""
+        """Where a range ends that goes on to the edge of the box: by the growth there, as far as it says anything.
+
+        Logarithms may say an end far outside, where nothing is known.
+        """
         limit = self.limits[i][1 if sign > 0 else 0]
         if share <= SLIGHT:
             return float(limit)
         edge = 0.0 if sign < 0 else 1.0
-        reached = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share))
+        reached, value = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share)), self.linear.values[i]
+        if abs(reached - value) > OUTSIDE * abs(self._value(i, edge) - value):
+            return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
 
@@ -275,7 +284,7 @@ class Followed:
         point[places] = block.x
         share = (block.cost - self.least) / top
         self.growths[point.tobytes()] = float(share) * top / self.linear.variance
-        return Place(at, float(share), point, block.residuals, whole["kept"], settled, self._leans(places, block, top))
+        return Place(at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(places, block, top))
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals and derivatives in few rows whose squares sum to those of all samples."""
@@ -283,20 +292,24 @@ class Followed:
         scale = np.sqrt(self.count / len(r))
         return r * scale, j * scale
 
-    def _leans(self, places: np.ndarray, block: Block, top: float) -> bool:
-        """Whether a coordinate on a bound that is no physical limit could lower the sum noticeably beyond it."""
-        gradient = 2.0 * block.jacobian.T @ block.residuals
+    def _leans(self, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
+        """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
+        and whether physics limits all of them.
+
+        By the gradient, which a convex sum never falls faster than.
+        """
+        gradient, noticed, most = 2.0 * block.jacobian.T @ block.residuals, False, 0.0
         for k, x, g in zip(places, block.x, gradient, strict=True):
             side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
             if side is None:
                 continue
             bound = self.lower[k] if side == 0 else self.upper[k]
             room = abs(self.limits[k][side] - bound)
-            room = min(room, max(abs(bound), self.linear.size[k]))
             slope = bound * np.log(self.upper[k] / self.lower[k]) if self.problem.space.log[k] else self.upper[k] - self.lower[k]
-            if abs(g) * room / slope > 0.1 * top:
-                return True
-        return False
+            noticed |= abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top
+            most += abs(g) / slope * room
+        leans = bool(noticed and block.cost - self.least - most <= top)
+        return leans, bool(not leans or np.isfinite(most))
 
     def _cube(self, i: int, value: float, edge: float) -> float:
         """The place of a value on the edge i of the cube, inside the box."""

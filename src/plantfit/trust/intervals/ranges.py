@@ -161,7 +161,7 @@ def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) ->
     if step == 0.0:
         return 0.0, at
     beyond = None
-    for _ in range(HALVINGS):
+    for k in range(HALVINGS):
         growth, x = grown(step)
         if growth <= top:
             inside, at = step, x
@@ -177,7 +177,7 @@ def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) ->
         if beyond is not None:
             if beyond - inside <= 1e-3 * beyond:
                 break
-            guess = step * np.sqrt(top / growth) if growth > 0 else 0.5 * (inside + beyond)
+            guess = step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)  # halved where it is no parabola
             step = float(np.clip(guess, inside + 0.05 * (beyond - inside), beyond - 0.05 * (beyond - inside)))
     return inside, at
 

@@ -16,7 +16,7 @@ def agreement_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         return
     if told["runs"] > 1:
         yield _count(told)
-    yield from _cut(told, any(p.get("open") for p in findings.get("parameters", ())))
+    yield from _cut(told, any(p.get("open") or p.get("status") == "flat" for p in findings.get("parameters", ())))
     yield from _answers(told)
 
 

@@ -37,7 +37,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
 
 
 def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
-    yield from search_sentences(best.extra, any(p.get("open") for p in findings["parameters"]))
+    yield from search_sentences(best.extra, any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"]))
     yield from agreement_sentences(findings)
 
 

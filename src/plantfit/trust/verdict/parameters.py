@@ -70,8 +70,14 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
         return
     own = found["combinations"]
     listed = ", ".join(estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own)
-    many = "combinations of the others are determined" if len(own) > 1 else "combination of the others is determined"
-    text = f"{len(own)} {many}: {listed} (in the units of the parameters). In all, the data fix {found['count']} of {found['of']} numbers. "
+    whose = "the others" if found["count"] > len(own) else "the parameters"
+    many = f"combinations of {whose} are determined" if len(own) > 1 else f"combination of {whose} is determined"
+    text = f"{len(own)} {many}: {listed} (in the units of the parameters). "
+    if found.get("directions", 0) > found["count"]:
+        text += f"Near the answer the data fix {found['directions']} of {found['of']} numbers in all; the rest are neither products of "
+        text += "powers nor weighted sums of up to four parameters. "
+    else:
+        text += f"In all, the data fix {found['count']} of {found['of']} numbers. "
     text += "`plantfit combine` writes the study file in these combinations."
     yield say("info", text, combinations=len(own), fixed=found["count"])
 
@@ -100,8 +106,10 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
 
 def _between(p: Row) -> str:
     """The range, empty for rows without one."""
-    if not p.get("limits") or p.get("low") is None:
-        return ""
+    return "" if not p.get("limits") or p.get("low") is None else _interval(p)
+
+
+def _interval(p: Row) -> str:
     return f"{number(p['low'])} to {with_unit(p['high'], p['unit'])}"
 
 
@@ -135,7 +143,8 @@ def _allowed(p: Row) -> str:
     ends = p.get("open")
     if ends is None:
         if not p.get("limits"):
-            return f"the data allow nearly the whole range from {number(p['lower_bound'])} to {with_unit(p['upper_bound'], p['unit'])}"
+            searched = f"{number(p['lower_bound'])} to {with_unit(p['upper_bound'], p['unit'])}"
+            return f"the data allow {_interval(p)}, of {searched} that was searched"
         return f"the data allow all that is possible, {number(p['low'])} to {with_unit(p['high'], p['unit'])}"
     low = ends == "upper" and p["low"] != least  # the data set a lower end
     high = ends == "lower" and p["high"] != most
@@ -148,7 +157,7 @@ def _allowed(p: Row) -> str:
 
 
 def _flats(name: str, rows: Sequence[Row]) -> Sentence:
-    text = f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow nearly the whole range."
+    text = f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow much of the range that was searched."
     return say("bad", text, recordings=len(rows))
 
 

@@ -1,0 +1,61 @@
+"""Sentences on what is open: ranges that bounds of the search and limits cut, how many numbers are fixed, and no advice of a budget."""
+
+import numpy as np
+import pytest
+
+from plantfit import Parameter, Problem, Recording, Signal, equations, fit
+from plantfit.trust.verdict.agreement import agreement_sentences
+from plantfit.trust.verdict.parameters import parameter_sentences
+
+X = np.linspace(0.05, 4.0, 200)
+
+
+def static(text, y, parameters):
+    model = equations(text, inputs=["x"], outputs=["y"], parameters=list(parameters), name="curve")
+    return fit(Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(X), "y": Signal(y)}, "run"), parameters), seed=1)
+
+
+@pytest.fixture(scope="module")
+def total():
+    y = 2.5 * X + 1.0 + 0.05 * np.random.default_rng(5).normal(size=200)
+    share = Parameter((0.01, 100.0), scale="log")
+    return static("y = (a + b)*x + c", y, {"a": share, "b": share, "c": Parameter((-10.0, 10.0))})
+
+
+def test_a_part_of_a_sum_ends_where_the_other_one_is_nothing(total):
+    """b is at least 0 by physics and at least 0.01 by the search: a is at most the sum, whatever its box."""
+    rows = {p["name"]: p for p in total.findings["parameters"]}
+    (known,) = total.findings["determined"]["combinations"]
+    for name in ("a", "b"):
+        assert (rows[name]["status"], rows[name]["open"], rows[name]["low"]) == ("weak", None, 0.0)
+        assert rows[name]["high"] == pytest.approx(known["high"], rel=2e-3)
+
+
+def test_numbers_that_are_fixed_are_counted(total):
+    text = " ".join(s["sentence"] for s in total.findings["verdict"])
+    assert "1 combination of the others is determined: a + b = " in text
+    assert "In all, the data fix 2 of 3 numbers. `plantfit combine`" in text
+    assert "Near the answer" not in text
+    found = {**total.findings["determined"], "directions": 3}
+    more = " ".join(s["sentence"] for s in parameter_sentences({**total.findings, "determined": found}))
+    assert "Near the answer the data fix 3 of 3 numbers in all; the rest are neither products" in more
+
+
+def test_combinations_of_all_parameters_are_not_those_of_others(total):
+    found = {**total.findings["determined"], "count": 1, "directions": 1, "of": 2}
+    text = " ".join(s["sentence"] for s in parameter_sentences({**total.findings, "determined": found}))
+    assert "1 combination of the parameters is determined" in text
+
+
+def test_no_larger_budget_is_asked_for_where_a_parameter_is_flat():
+    told = {"runs": 1, "spent": 0, "spent_and_agree": 0, "ended": "cut", "symmetries": [], "answers": []}
+    flat, known = ({"agreement": told, "parameters": [{"name": "Td", "status": s, "open": None}]} for s in ("flat", "determined"))
+    assert "Give a larger budget" not in next(agreement_sentences(flat))["sentence"]
+    assert "Give a larger budget" in next(agreement_sentences(known))["sentence"]
+
+
+def test_an_interval_against_the_box_is_told_by_its_ends():
+    row = {"name": "Td", "status": "flat", "index": [], "unit": "s", "value": 0.9, "standard_error": 0.23, "low": 0.46, "high": 1.0,
+           "lower_bound": 0.1, "upper_bound": 1.0, "limits": None, "open": None}  # fmt: skip
+    (said,) = parameter_sentences({"parameters": [row]})
+    assert said["sentence"] == "Td is not determined: the data allow 0.46 to 1 s, of 0.1 to 1 s that was searched."
