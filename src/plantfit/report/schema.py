@@ -333,9 +333,12 @@ class Simulation(_Record):
 
 
 class Look(_Record):
+    kind: str = ""
     level: Literal["good", "warning", "bad", "info"]
     recording: str
+    signal: str | None = None
     sentence: str
+    times: Values = []
     begin: Number = None
     end: Number = None
     write: str = ""
