@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
 ALWAYS = {"errors", "folders", "lazy", "plugins", "runtime", "units"}
-CONTRACTS = {"optimize", "models", "space", "problem"}  # where the contracts are written that "contracts" means
+CONTRACTS = {"optimize", "models", "space", "problem", "trust"}  # where the contracts are written that "contracts" means
 
 
 def rooms_of_table() -> dict[str, set[str]]:

@@ -119,3 +119,21 @@ def test_an_input_computed_from_the_output():
     assert look.figures["share"] > 0.05
     noisy = recorded(plant(np.random.default_rng(5).normal(size=600)), np.random.default_rng(5).normal(size=600))
     assert feedback_look(noisy, "u", "y") is None
+
+
+def test_a_blip_of_one_level_of_a_coarse_signal_is_no_spike():
+    y = np.round(plant(steps()) / 0.25) * 0.25
+    flat = int(np.argmax(np.convolve(np.diff(y) == 0, np.ones(10), "valid"))) + 5
+    y[flat] += 0.25
+    assert "spikes" not in kinds(y)
+    y[flat] += 5.0
+    [look] = [k for k in signal_looks(recorded(y), "y", True) if k.kind == "spikes"]
+    assert look.sentence.startswith("1 sample of y stands alone")
+    assert look.times == (T[flat],)
+
+
+def test_clipped_samples_are_marked():
+    y = np.minimum(plant(steps()), 2.0)
+    [look] = [k for k in signal_looks(recorded(y), "y", True) if k.kind == "clipped"]
+    assert len(look.times) == min(200, look.figures["samples"])
+    assert all(y[np.isclose(T, at)] == 2.0 for at in look.times)

@@ -3,9 +3,10 @@
 import numpy as np
 from findings_example import example
 
-from plantfit.findings import read_findings
+from plantfit.findings import Recording, read_findings
+from plantfit.recording.looks.look import Look
 from plantfit.report import render_html
-from plantfit.report.figures import residual_change_figure, share_figure
+from plantfit.report.figures import look_figure, residual_change_figure, share_figure
 
 SENTENCE = "A dead time of 0.200 ± 0.001 s on u explains 99 % of what is left (RMSE 2.21 to 0.0737 K): very likely missing."
 
@@ -54,6 +55,7 @@ def test_the_report_shows_what_was_tried_and_where_the_data_are_odd():
     assert "--try &#34;dead time of u&#34;" in page
     assert "dead_time = { u = [0, 1] }" in page
     assert page.index('id="missing"') < page.index('id="data"') < page.index('id="fit"')
+    assert "y in a" not in page  # the record has no recording of this name
     assert "not tried" in render_html(findings(untried=["lag of u"]))
     plain = render_html(example(samples=300))
     assert "What may be missing" not in plain
@@ -77,3 +79,51 @@ def test_bars_and_residuals_are_those_of_the_record():
     assert max(abs(v) for v in before["y"]) > 1.5
     assert max(abs(v) for v in after["y"] if v is not None) < 0.06
     assert after["y"][0] is None
+
+
+T = np.arange(400) * 0.1
+Y = np.sin(T)
+
+
+def pictured(kind, begin, end, y=Y, signal="y", t=T, times=()):
+    look = Look(kind, "info", "a", signal, ".", begin, end, times=list(times))
+    values = [float(v) if np.isfinite(v) else None for v in y]
+    output = {"unit": "V", "measured": values, "simulated": values}
+    return look_figure(look, Recording.model_validate({"name": "a", "t": t.tolist(), "outputs": {"y": output}}))
+
+
+def test_a_short_place_is_shaded_with_what_lies_beside_it():
+    figure = pictured("stuck", 20.0, 23.0)
+    assert figure is not None
+    [line], [zone] = figure["data"], figure["layout"]["shapes"]
+    assert (zone["x0"], zone["x1"]) == (20.0, 23.0)
+    assert 14.0 < line["x"][0] < 17.0
+    assert 26.0 < line["x"][-1] < 28.0
+    assert figure["layout"]["annotations"][0]["text"] == "y in a [V]"
+
+
+def test_single_samples_are_marked_and_a_gap_stays_one():
+    figure = pictured("spikes", 0.5, 39.0, times=(0.5, 39.0))
+    assert figure is not None
+    line, marks = figure["data"]
+    assert len(line["x"]) == 400
+    assert marks["x"] == [0.5, 39.0]
+    assert "shapes" not in figure["layout"]  # the place is all of the record
+    missing = pictured("missing", 20.0, 23.0, np.where((T > 20) & (T < 23), np.nan, Y))
+    assert missing is not None
+    assert None in missing["data"][0]["y"]
+
+
+def test_steps_of_the_clock_are_drawn_and_what_is_no_place_is_not():
+    figure = pictured("gaps", 20.0, 23.0, signal=None, t=np.where(T > 20, T + 2.0, T))
+    assert figure is not None
+    assert max(figure["data"][0]["y"]) == 2.1
+    assert pictured("short", 0.0, 39.9, signal=None) is None
+    assert pictured("feedback", 0.0, 39.9) is None
+    assert pictured("clipped", 0.0, 1.0, signal="nothing of it") is None
+
+
+def test_levels_are_drawn_near():
+    figure = pictured("quantised", 0.0, 39.9, np.round(Y / 0.25) * 0.25)
+    assert figure is not None
+    assert len(figure["data"][0]["x"]) == 120

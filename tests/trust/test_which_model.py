@@ -3,8 +3,15 @@
 Models are fitted here by their closed forms, so that hundreds of records cost nothing; `tests/face/test_compare_models.py` fits real ones.
 """
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
+from benchmarks.equal_models import apart
 
 from plantfit.trust.which_model.candidates import Candidate
 from plantfit.trust.which_model.common_data import Series
@@ -87,14 +94,18 @@ def test_one_model_written_twice_is_not_told_apart():
         assert "predict alike" in found["verdict"][0]["sentence"]
 
 
-@pytest.mark.parametrize(("memory", "n"), [(0.0, 500), (0.7, 1000), (0.95, 3000)])
-def test_models_that_are_equally_wrong_are_told_apart_about_as_often_as_stated(memory, n):
-    t, false = np.arange(n), 0
-    for seed in range(300):
-        e = noise(np.random.default_rng(seed), memory, n)
-        off = 0.3 * np.sin(2 * np.pi * t / 97) + 0.3 * np.sign(np.sin(2 * np.pi * t / 61))
-        false += paired_difference([e + off], [e - off]).told
-    assert false <= 30, f"{false} of 300"  # 5 % by design
+@pytest.mark.parametrize(
+    ("kind", "memory", "n"), [("waves", 0.0, 100), ("waves", 0.7, 300), ("own errors", 0.0, 300), ("waves", 0.95, 3000)]
+)
+def test_models_that_are_equally_wrong_are_told_apart_about_as_often_as_stated(kind, memory, n):
+    share, _ = apart(kind, memory, n, 400)
+    assert share <= 30 / 400  # 5 % by design; 31 or more of 400 have a chance of one in a hundred
+
+
+def test_a_model_that_is_worse_is_told_as_often_as_by_blocks():
+    ours, blocks = apart("worse", 0.0, 300, 200)
+    assert ours > blocks - 0.05
+    assert ours > 0.75
 
 
 def test_the_interval_holds_the_difference_of_many_records():

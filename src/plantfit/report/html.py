@@ -169,7 +169,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "weights": tables.weights_table(record.weights) if record.weights else None,
         "no_validation": sentences.no_validation(record),
         "missing": missing.of_findings(record, drawings),
-        "looks": missing.looks(record),
+        "looks": missing.looks(record, drawings),
         "tests": [_test(test, drawings, record.diagnosis is not None and record.diagnosis.named) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),

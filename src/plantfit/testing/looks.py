@@ -49,6 +49,7 @@ def _one(look: Any, found: Any, t: np.ndarray) -> None:
     _expect(found.sentence.endswith(".") and "\n" not in found.sentence, look, f"{found.sentence!r} is no sentence on one line")
     inside = t[0] <= found.begin <= found.end <= t[-1]
     _expect(inside, look, f"{found.begin} to {found.end} s is not within the recording")
+    _expect(all(t[0] <= at <= t[-1] for at in found.times), look, f"it marks {found.times}, not all of it within the recording")
     _expect(all(math.isfinite(v) for v in found.figures.values()), look, f"its figures are {found.figures}")
 
 

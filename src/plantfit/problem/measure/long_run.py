@@ -37,10 +37,11 @@ def most_memory(n: int, fitted: int) -> float:
     return max(0.6, 1.0 - 8.0 / n) if fitted else 0.97
 
 
-def inflation(series: np.ndarray, index: np.ndarray) -> float:
-    """Factor, at least 1, by which correlation of a series (m,) at numbers `index` (m,) raises the variance of its mean."""
+def inflation(series: np.ndarray, index: np.ndarray, fitted: int = 0) -> float:
+    """Factor, at least 1, by which correlation of a series (m,) at numbers `index` (m,) raises the variance of its mean; `fitted` as in
+    `prewhitened_long_run`."""
     power = float(np.sum(series**2))
-    return max(1.0, float(prewhitened_long_run(series[:, None], index)[0, 0]) / power) if power > 0 else 1.0
+    return max(1.0, float(prewhitened_long_run(series[:, None], index, fitted)[0, 0]) / power) if power > 0 else 1.0
 
 
 def first_correlation(series: np.ndarray) -> np.ndarray:

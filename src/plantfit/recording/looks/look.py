@@ -3,11 +3,14 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+MARKED = 200
+
 
 @dataclass(frozen=True)
 class Look:
     """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s); `write` is the line of
-    the study file that treats it, "" where there is none. `level` "info" or "warning"."""
+    the study file that treats it, "" where there is none. `level` "info" or "warning". `times` (s) are those of single samples that it is
+    about, MARKED at most."""
 
     kind: str
     level: str
@@ -18,6 +21,7 @@ class Look:
     end: float
     write: str = ""
     figures: dict[str, int | float | None] = field(default_factory=dict)
+    times: list[float] = field(default_factory=list)
 
     @property
     def record(self) -> dict[str, Any]:

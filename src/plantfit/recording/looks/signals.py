@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import scipy  # scipy.special is loaded at its first use
 
-from plantfit.recording.looks.look import Look
+from plantfit.recording.looks.look import MARKED, Look
 from plantfit.recording.record import Recording
 
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
@@ -60,7 +60,7 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
                 f"t = {times[first]:.4g} s: the sensor may end there.",
                 float(times[first]), float(times[min(begins[at][-1] + runs[at][-1], len(times)) - 1]),
                 f"extensions = {{ {kind} = {{ {name} = [{value - 0.01 * (high - low):.6g}, {value + 0.01 * (high - low):.6g}] }} }}",
-                {"samples": count, "value": value},
+                {"samples": count, "value": value}, _times(times, np.repeat(at, runs)),
             )  # fmt: skip
     stuck = [
         (n, b) for n, b in zip(runs, begins, strict=True) if n >= max(STUCK, 2 * PLATEAU * usual) and values[b] not in clipped and b > 0
@@ -89,20 +89,23 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
     local = _TO_SD * np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
     scale = np.maximum(local, max(_TO_SD * float(np.median(np.abs(away))), 1e-3 * float(np.ptp(values))))
     # neighbours on both sides agree: no step, and no sharp corner either
-    alone = (np.abs(away) > SPIKE * scale) & (np.abs(values[2:] - values[:-2]) < 0.5 * np.abs(away))
+    levels = np.unique(values)
+    level = float(np.min(np.diff(levels))) if len(levels) > 2 else 0.0  # one step of a coarse signal is no spike
+    alone = (np.abs(away) > np.maximum(SPIKE * scale, 2.0 * level)) & (np.abs(values[2:] - values[:-2]) < 0.5 * np.abs(away))
     moves = np.abs(np.diff(np.pad(values, 1, mode="edge")))
     alone &= np.minimum(moves[1:-2], moves[2:-1]) > 2.0 * np.maximum(moves[:-3], moves[3:])
     if not np.any(alone) or np.mean(alone) > 0.1:
         return
     at = np.flatnonzero(alone) + 1
     worst = at[np.argmax(np.abs(away[at - 1]))]
+    told = f"1 sample of {name} stands alone" if len(at) == 1 else f"{len(at)} samples of {name} stand alone"
     yield Look(
         "spikes", "warning", recording.name, name,
-        f"{len(at)} samples of {name} stand alone, more than {SPIKE:g} robust deviations from both neighbours; the largest by "
+        f"{told}, more than {SPIKE:g} robust deviations from both neighbours; the largest by "
         f"{abs(away[worst - 1]):.3g}{unit} at t = {times[worst]:.4g} s.",
         float(times[at[0]]), float(times[at[-1]]),
         f'clean = [{{ step = "drop_outliers", signal = "{name}", window = 11, threshold = 6.0 }}]',
-        {"samples": len(at), "largest": float(abs(away[worst - 1]))},
+        {"samples": len(at), "largest": float(abs(away[worst - 1]))}, _times(times, at),
     )  # fmt: skip
 
 
@@ -134,6 +137,11 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
         "noise reaches the input and pulls the parameters. See docs/closed-loop.md, or estimate with a Kalman filter.",
         float(recording.t[0]), float(recording.t[-1]), figures={"share": share, "chance": chance},
     )  # fmt: skip
+
+
+def _times(times: np.ndarray, at: np.ndarray) -> list[float]:
+    """Of the samples (k,), the first MARKED of them."""
+    return times[at][:MARKED].tolist()
 
 
 def _runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from plantfit.report.figures.convergence import convergence_figure, waterfall_figure
 from plantfit.report.figures.fit import fit_figure
+from plantfit.report.figures.looks import look_figure
 from plantfit.report.figures.missing import residual_change_figure, share_figure
 from plantfit.report.figures.operating_points import table_figure
 from plantfit.report.figures.parameters import interval_figure, weight_figure
@@ -15,6 +16,7 @@ __all__ = [
     "convergence_figure",
     "fit_figure",
     "interval_figure",
+    "look_figure",
     "residual_change_figure",
     "share_figure",
     "stem_figure",

@@ -42,10 +42,10 @@ def models_rows(record: Mapping[str, Any], ascii_only: bool = False) -> tuple[li
 def pair_rows(record: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
     """Heads and rows of texts of the table of differences."""
     unit = unit_label(record["unit"])
-    head = ["better", "than", f"RMSE less by{f' [{unit}]' if unit else ''}", "± (95 %)", "p", "blocks", "told apart"]
+    head = ["better", "than", f"RMSE less by{f' [{unit}]' if unit else ''}", "± (95 %)", "p", "degrees of freedom", "told apart"]
     rows = [
         [
-            p["better"], p["worse"], significant(p["difference"], 3), significant(p["half_width"], 2), f"{p['p']:.2g}", str(p["blocks"]),
+            p["better"], p["worse"], significant(p["difference"], 3), significant(p["half_width"], 2), f"{p['p']:.2g}", str(p["degrees"]),
             "yes" if p["told"] else "no",
         ]
         for p in record["pairs"]

@@ -11,6 +11,7 @@ from plantfit.report.sections.sentences import LEVELS, listed
 from plantfit.report.sections.tables import Table
 
 MOST_PANELS, POINTS = 6, 2000  # series drawn, samples of each
+MOST_LOOKS = 12  # pictures
 
 
 def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
@@ -38,9 +39,17 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
     }
 
 
-def looks(record: Findings) -> list[dict[str, Any]]:
-    """What is odd about the data, each with where it is and the line that treats it."""
-    return [{**_said(look.level, look.sentence), "where": _where(look), "write": look.write} for look in record.data]
+def looks(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
+    """What is odd about the data, each with where it is, the line that treats it, and a picture of the place."""
+    recordings = {r.name: r for r in record.recordings}
+    found = []
+    for k, look in enumerate(record.data):
+        own = recordings.get(look.recording)
+        figure = None if own is None or k >= MOST_LOOKS else figures.look_figure(look, own)
+        label = f"{look.signal or 'The clock'} in {look.recording} where this is."
+        drawn = None if figure is None else drawings.add(figure, label)
+        found.append({**_said(look.level, look.sentence), "where": _where(look), "write": look.write, "figure": drawn})
+    return found
 
 
 def _said(level: str, sentence: str) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def compared(series: Sequence[Series], candidates: Sequence[Candidate], scales: 
      "samples", "independent",
      "models": [{"name", "kind": "model"|"linear", "sentence", "free", "effective", "determined": null|{"count", "of"},
         "rmse": {"fit", "unseen", "left_out"}, "outputs": {output: {"unit", "fit", "unseen", "left_out"}}, "aic", "aicc", "bic"}],
-     "pairs": [{"better", "worse", "difference", "half_width", "p", "blocks", "samples", "correlation", "over": "stretches"|"noise",
+     "pairs": [{"better", "worse", "difference", "half_width", "p", "degrees", "samples", "correlation", "over": "stretches"|"noise",
        "told"}],
      "series": [{"recording", "output", "unit", "t", "measured", "part", "simulated": {name: [..]}}]}
 
@@ -121,7 +121,7 @@ def _rms(errors: Sequence[np.ndarray]) -> float:
 def _pair(a: Candidate, b: Candidate, errors: Mapping[str, Sequence[np.ndarray]], pairs: int) -> dict[str, Any]:
     d: Difference = paired_difference(errors[a.name], errors[b.name], pairs)
     return {
-        "better": a.name, "worse": b.name, "difference": d.value, "half_width": d.half_width, "p": d.p, "blocks": d.blocks,
+        "better": a.name, "worse": b.name, "difference": d.value, "half_width": d.half_width, "p": d.p, "degrees": d.degrees,
         "samples": d.samples, "correlation": d.correlation, "over": d.over, "told": d.told,
     }  # fmt: skip
 

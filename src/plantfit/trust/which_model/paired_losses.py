@@ -1,4 +1,4 @@
-"""Is one model's error on unseen samples less than another's: paired losses, in blocks longer than their correlation time."""
+"""Is one model's error on unseen samples less than another's: paired losses, with a variance that allows for their correlation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,21 +8,23 @@ from scipy import special
 
 from plantfit.problem.measure.long_run import inflation
 
-LONGER = 5.0  # blocks over the correlation time
-MOST_BLOCKS, FEW_BLOCKS, FEWEST_BLOCKS = 40, 12, 5
+COSINES = 0.4  # times n^(2/3): those averaged at most (Lazarus and others, eq. 4)
+SLOW = 0.2  # times n over the correlation time: of those above, correlation would show
+FEW, FEWEST = 12, 5  # cosines below which the inputs are taken as they are, and nothing is claimed
+ENOUGH = 12  # cosines of the noise from which on that is done
 EQUAL = 0.005  # of an RMSE: what the accuracy of a simulation leaves open (`plantfit check --verify`)
 
 
 @dataclass(frozen=True)
 class Difference:
-    """RMSE of the second less that of the first: `value`, its 95 % interval value -+ `half_width` (NaN where there are too few `blocks`),
-    p-value. `over` what it holds: "stretches" of such data, or the "noise" of these samples alone. `told`: the interval, corrected for the
-    pairs compared, leaves out zero, and the difference is over EQUAL."""
+    """RMSE of the second less that of the first: `value`, its 95 % interval value -+ `half_width` (NaN where there are too few `degrees`
+    of freedom), p-value. `over` what it holds: "stretches" of such data, or the "noise" of these samples alone. `told`: the interval,
+    corrected for the pairs compared, leaves out zero, and the difference is over EQUAL."""
 
     value: float
     half_width: float
     p: float
-    blocks: int
+    degrees: int
     samples: int
     correlation: float
     over: str
@@ -32,15 +34,18 @@ class Difference:
 def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray], pairs: int = 1) -> Difference:
     """The difference of two models' RMSE from errors by recording (outputs, n), NaN where nothing is compared; the second's is the larger.
 
-    A recording is cut into blocks of LONGER times the correlation time of the paired differences of the squared errors, the factor by
-    which correlation inflates the variance of their mean. With a block's mean squared errors a_k and b_k, and their means a and b over all,
-    the difference of the roots moves by (b_k - b)/(2 sqrt b) - (a_k - a)/(2 sqrt a); the scatter of these over the blocks gives the
-    standard error, Student's t with blocks - 1 degrees of freedom the interval (Diebold and Mariano, J. Business and Economic Statistics 13
-    (1995) 253, by batch means). With several models the level is shared by all `pairs` (Bonferroni).
+    With squared errors a_k and b_k and their means a and b, sample k moves the difference of the roots by (b_k - b)/(2 sqrt b) -
+    (a_k - a)/(2 sqrt a) (Diebold and Mariano, J. Business and Economic Statistics 13 (1995) 253). The variance of the mean of that series
+    is the average of its squared products with the first B cosines over the samples, and Student's t with B degrees of freedom gives
+    the interval, which is right for few samples and correlated losses where a normal distribution, or blocks, tell alike models apart
+    too often (Lazarus, Lewis, Stock and Watson, J. Business and Economic Statistics 36 (2018) 541, eqs. 9 and 10). B falls with the
+    correlation time of the series, the factor by which correlation inflates the variance of its mean. With several models the level is
+    shared by all `pairs` (Bonferroni).
 
-    Where that leaves under FEW_BLOCKS blocks, as with a model that drifts away or a few large steps of the input, the inputs are taken as
-    they are: errors e and e + d differ by the known d, and e^2 and (e + d)^2 by d^2 + 2 d e, of which only 2 d e is moved by noise. It is
-    cut into blocks by its own correlation time, and the interval then is that over the noise of these samples.
+    Where that leaves under FEW cosines, as with a model that drifts away or a few large steps of the input, the inputs are taken as
+    they are: errors e and e + d differ by the known d, and e^2 and (e + d)^2 by d^2 + 2 d e, of which only 2 d e is moved by noise. Where
+    that is fast enough for ENOUGH cosines, and its mean no more than noise makes it, which is not so where the first model lacks what the
+    second has, the interval is that over the noise of these samples.
     """
     pieces = [_paired(a, b) for a, b in zip(first, second, strict=True)]
     pieces = [p for p in pieces if len(p)]
@@ -53,22 +58,43 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
         return Difference(value, np.nan, 0.0 if np.isfinite(a) else 1.0, 0, len(both), 1.0, "stretches", bool(np.isfinite(a)))
     if min(a, b) <= 0:
         return Difference(value, 0.0, 0.0, 0, len(both), 1.0, "stretches", bool(b > 0))
-    blocks, memory = _blocks(pieces, [p[:, 1] - p[:, 0] for p in pieces])
-    moves = [(block[:, 1].mean() - b) / (2 * np.sqrt(b)) - (block[:, 0].mean() - a) / (2 * np.sqrt(a)) for block in blocks]
-    over = "stretches"
-    if len(blocks) < FEW_BLOCKS:
-        noisy, own = _blocks(pieces, [p[:, 2] for p in pieces])
-        if max(len(noisy), len(blocks)) < FEWEST_BLOCKS:
-            return Difference(value, np.nan, 1.0, len(blocks), len(both), memory, over, False)
-        if len(noisy) > len(blocks):
-            blocks, memory, over = noisy, own, "noise"
-            moves = [(block[:, 2].mean() - both[:, 2].mean()) / (2 * np.sqrt(b)) for block in blocks]
-    weights, count = np.array([len(block) for block in blocks]) / len(both), len(blocks)
-    error = float(np.sqrt(count / (count - 1) * np.sum((weights * np.array(moves)) ** 2)))
-    half = float(special.stdtrit(count - 1, 1.0 - 0.025 / pairs)) * error
-    p = min(1.0, pairs * 2.0 * float(special.stdtr(count - 1, -abs(value) / error))) if error > 0 else 1.0
+    series = [(p[:, 1] - b) / (2 * np.sqrt(b)) - (p[:, 0] - a) / (2 * np.sqrt(a)) for p in pieces]
+    degrees, memory, over = *_degrees(series), "stretches"
+    half, error = _half_width(series, degrees, pairs)
+    if degrees < FEW:
+        known = both[:, 2].mean() / (2 * np.sqrt(b))
+        noise = [p[:, 2] / (2 * np.sqrt(b)) - known for p in pieces]
+        fast, own = _degrees(noise)
+        reach, spread = _half_width(noise, fast, pairs)
+        if fast >= ENOUGH and abs(known) <= reach:
+            half, error, degrees, memory, over = reach, spread, fast, own, "noise"
+    if degrees < FEWEST:
+        return Difference(value, np.nan, 1.0, degrees, len(both), memory, over, False)
+    p = min(1.0, pairs * 2.0 * float(special.stdtr(degrees, -abs(value) / error))) if error > 0 else 1.0
     told = abs(value) > half and not equal(float(np.sqrt(a)), float(np.sqrt(b)))
-    return Difference(value, half, p, count, len(both), memory, over, bool(told))
+    return Difference(value, half, p, degrees, len(both), memory, over, bool(told))
+
+
+def _half_width(series: Sequence[np.ndarray], degrees: int, pairs: int) -> tuple[float, float]:
+    """Half the 95 % interval of the mean of a series by recording, and its standard error."""
+    if degrees < 1:
+        return np.nan, np.nan
+    error = _error(np.concatenate(series), degrees)
+    return float(special.stdtrit(degrees, 1.0 - 0.025 / pairs)) * error, error
+
+
+def _degrees(series: Sequence[np.ndarray]) -> tuple[int, float]:
+    """How many cosines a series by recording is averaged over, and its correlation time in samples."""
+    memory, count = _memory(series), sum(map(len, series))
+    slow = SLOW * count / np.sqrt(memory**2 - 1.0) if memory > 1.0 else np.inf
+    return int(min(COSINES * count ** (2.0 / 3.0), slow)), memory
+
+
+def _error(series: np.ndarray, degrees: int) -> float:
+    """Standard error of the mean of a series (n,) by that many cosines."""
+    n = len(series)
+    cosines = np.cos(np.pi / n * np.outer(np.arange(1, degrees + 1), np.arange(n) + 0.5))
+    return float(np.sqrt(2.0 * np.mean((cosines @ series) ** 2)) / n)
 
 
 def _paired(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -79,13 +105,6 @@ def _paired(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         terms = np.stack([a**2, b**2, 2.0 * (b - a) * a])
     count = known.sum(axis=0)
     return (np.where(known, terms, 0.0).sum(axis=1)[:, count > 0] / count[count > 0]).T
-
-
-def _blocks(pieces: Sequence[np.ndarray], series: Sequence[np.ndarray]) -> tuple[list[np.ndarray], float]:
-    """The pieces cut into blocks longer than the correlation time of a series, and that time in samples."""
-    memory, total = _memory(series), sum(map(len, pieces))
-    length = max(LONGER * memory if memory > 1.0 else 1.0, total / MOST_BLOCKS)
-    return [part for p in pieces for part in np.array_split(p, max(1, int(len(p) / length)))], memory
 
 
 def equal(first: float, second: float) -> bool:
@@ -99,5 +118,5 @@ def _memory(series: Sequence[np.ndarray]) -> float:
     powers = [float(np.sum((s - centre) ** 2)) for s in series]
     if sum(powers) <= 0:
         return 1.0
-    factors = [inflation(s - centre, np.arange(len(s))) for s in series]
+    factors = [inflation(s - centre, np.arange(len(s)), 1) for s in series]  # a mean is taken off, which hides correlation
     return float(np.dot(powers, factors) / sum(powers))

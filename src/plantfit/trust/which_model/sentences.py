@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.trust.verdict.words import some
 from plantfit.trust.which_model.criteria import NEAR
-from plantfit.trust.which_model.paired_losses import FEWEST_BLOCKS, equal
+from plantfit.trust.which_model.paired_losses import FEWEST, equal
 
 Row = Mapping[str, Any]
 STRONG = 10.0  # difference of a criterion that leaves a model essentially no support (Burnham and Anderson 2002, section 2.6)
@@ -106,10 +106,12 @@ def _undecided(record: Row, group: Sequence[Row], far: Sequence[Row], own: Mappi
     if all(equal(values[0], v) for v in values):
         text = f"The data do not tell {some(names, 9)} apart: on {where} they predict alike, RMSE {values[0]:.4g}{unit}"
     elif half is None or half != half:
-        length = f"the {pair['samples']} samples are {pair['blocks']} blocks of {5 * pair['correlation']:.0f}, the memory of what differs"
+        length = (
+            f"what differs has a memory of {pair['correlation']:.0f} samples, so that the {pair['samples']} are worth {pair['degrees']}"
+        )
         text = (
             f"The data do not tell {some(names, 9)} apart: RMSE on {where} {some([f'{v:.4g}' for v in values], 9)}{unit}, but {length}, "
-            f"and {FEWEST_BLOCKS} are the fewest that a comparison can be made of; keep a longer part unseen"
+            f"and {FEWEST} are the fewest that a comparison can be made of; keep a longer part unseen"
         )
     else:
         decimals = places(half, values)
