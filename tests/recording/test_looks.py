@@ -129,7 +129,7 @@ def test_a_blip_of_one_level_of_a_coarse_signal_is_no_spike():
     y[flat] += 5.0
     [look] = [k for k in signal_looks(recorded(y), "y", True) if k.kind == "spikes"]
     assert look.sentence.startswith("1 sample of y stands alone")
-    assert look.times == (T[flat],)
+    assert look.times == [T[flat]]
 
 
 def test_clipped_samples_are_marked():
