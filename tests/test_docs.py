@@ -80,6 +80,8 @@ def test_keys_have_types_and_defaults(site):
 def test_the_page_of_the_findings_has_every_key_and_its_meaning(site):
     schema = json.loads((site / "reference" / "findings.schema.json").read_text("utf-8"))
     assert schema == findings_schema()
+    words = [sys.executable, "-m", "plantfit", "schema", "--findings"]
+    assert json.loads(subprocess.run(words, capture_output=True, text=True, timeout=120, check=True).stdout) == schema
     page = (site / "reference" / "findings.html").read_text("utf-8")
     for name, record in {"Findings": schema, **schema["$defs"]}.items():
         assert f'id="{name.lower()}"' in page

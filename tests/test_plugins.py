@@ -114,7 +114,9 @@ def test_a_look_that_fails_is_one_sentence(tmp_path, monkeypatch):
     from plantfit.recording.looks.of_packages import looks_of_packages
     from plantfit.recording.record import Recording, Signal
 
-    metadata(tmp_path, "bad-tools", "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\n")
+    metadata(tmp_path, "bad-tools", "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\nd = grave_look:f\n")
+    text = "from plantfit.recording.looks import Look\ndef f(r, name, _): return [Look('a', 'grave', r.name, name, 'It is.', 0.0, 1.0)]\n"
+    (tmp_path / "grave_look.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     offered.cache_clear()
     told = [k.sentence for k in looks_of_packages(Recording(np.arange(3.0), {"y": Signal(np.ones(3))}, "r"), "y", True)]
@@ -122,6 +124,7 @@ def test_a_look_that_fails_is_one_sentence(tmp_path, monkeypatch):
     assert told[0].startswith("The look 'a' of the package bad-tools failed at y (TypeError")
     assert "cannot be loaded (ModuleNotFoundError" in told[1]
     assert told[2].startswith("The look 'c' of the package bad-tools failed at y (TypeError")
+    assert "failed at y (ValueError: its level is 'grave', not 'info' or 'warning')" in told[3]
 
 
 @pytest.mark.parametrize("wrong", ["fails", "noisy", "no look", "no sentence", "outside"])

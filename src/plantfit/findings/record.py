@@ -14,13 +14,9 @@ def _finite(value: Any) -> Any:
 
 Number = Annotated[float | None, BeforeValidator(_finite)]
 """A number, or None for what is not known and not finite."""
-Figure = Annotated[int | float | None, BeforeValidator(_finite)]
-"""As `Number`; a count stays a whole number."""
 Values = list[float | None]
 """Samples or entries, None where there is none."""
 Level = Literal["good", "warning", "bad", "info"]
-
-
 READ = "read"
 """The context of a validation that leaves keys aside which a record does not know, as those of another version."""
 

@@ -1,7 +1,7 @@
 """What a look at the data says."""
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 MARKED = 200
 
@@ -13,7 +13,7 @@ class Look:
     about, MARKED at most."""
 
     kind: str
-    level: str
+    level: Literal["info", "warning"]
     recording: str
     signal: str | None
     sentence: str

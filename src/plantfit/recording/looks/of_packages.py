@@ -20,6 +20,8 @@ def looks_of_packages(recording: Recording, name: str, measured: bool) -> Iterat
             wrong = next((f for f in listed if not isinstance(f, Look)), None)
             if wrong is not None:
                 raise TypeError(f"it gives a {type(wrong).__name__}, not a Look")
+            if odd := [f.level for f in listed if f.level not in ("info", "warning")]:
+                raise ValueError(f"its level is {odd[0]!r}, not 'info' or 'warning'")
         except Exception as failure:  # whatever the package does
             told = (
                 f"The look {plugin.name!r} of the package {plugin.package} failed at {name} ({type(failure).__name__}: "
