@@ -30,6 +30,8 @@ class Estimated(Record):
 
 
 class EstimatedAlone(Estimated):
+    """A parameter as the fit of one recording alone gives it."""
+
     recording: str
     tested: bool
     """Whether the recording alone determines it, so that it takes part in the test."""
