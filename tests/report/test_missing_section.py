@@ -84,7 +84,7 @@ T = np.arange(400) * 0.1
 Y = np.sin(T)
 
 
-def pictured(kind, begin, end, y=Y, signal="y", t=T, times=()):
+def pictured(kind, begin, end, y=Y, signal: str | None = "y", t=T, times=()):
     place = {"begin": begin, "end": end, "times": list(times)}
     look = Look.model_validate({"kind": kind, "level": "info", "recording": "a", "signal": signal, "sentence": ".", **place})
     values = [float(v) if np.isfinite(v) else None for v in y]
