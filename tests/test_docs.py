@@ -40,6 +40,19 @@ def test_pages_ask_nothing_of_the_net(site):
         assert not re.findall(r'<(?:script|link|img|iframe)[^>]+(?:src|href)="(?:https?:)?//[^"]+', page.read_text("utf-8")), page.name
 
 
+def test_every_addition_and_look_has_a_picture(site):
+    """Of looks those at a signal or the clock; others are about bounds."""
+    page, table = (site / "what-it-looks-like.html").read_text("utf-8"), (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
+    looks = re.findall(r"^\| ([a-z, ]+) \|", table.split("## Looks at the data")[1].split("##")[0], re.MULTILINE)
+    named = {n for row in looks for n in row.split(", ")} - {"look", "sampled slowly", "short", "time unit", "not at rest"}
+    assert len(named) == 9
+    for name in (*KINDS, *named):
+        assert f'src="pictures/{name}.svg"' in page, name
+        picture = (site / "pictures" / f"{name}.svg").read_text("utf-8")
+        assert picture.count("<polyline") >= (2 if name in KINDS else 1), name
+        assert "nan" not in picture, name
+
+
 def test_every_command_stands_in_the_reference(site):
     help_ = subprocess.run([sys.executable, "-m", "plantfit", "--help"], capture_output=True, text=True, timeout=120).stdout
     known = re.findall(r"^  ([a-z][a-z-]+)  ", help_, re.MULTILINE)

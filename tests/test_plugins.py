@@ -256,7 +256,8 @@ def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
 
     for kind in ("offset", "saturation", "quadratic"):  # those of all kinds: tests/trust/test_diagnosis_candidates.py
         check_candidate(kind, CANDIDATES[kind], KINDS[kind])
-    good, own, zone = CANDIDATES["offset"], KINDS["offset"], CANDIDATES["dead_zone"]
+    good, own = CANDIDATES["offset"], KINDS["offset"]
+    zone: Any = CANDIDATES["dead_zone"]
     drag, braked = CANDIDATES["quadratic"], KINDS["quadratic"]
     wrong: list[tuple[str, Any, Any, str]] = [
         ("no extension", good, None, "it has no extension"),

@@ -1,4 +1,5 @@
-"""Pages of the docs site that the build makes: the start from README.md, commands, Python names, keys of the study file, changes.
+"""Pages of the docs site that the build makes: the start from README.md, commands, Python names, keys of the study file, changes, and what
+faults look like.
 
 A hook of MkDocs (mkdocs.yml).
 """
@@ -8,7 +9,7 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ import typer
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "src"))
-sys.path.insert(0, str(ROOT / "tools"))
-from verdict_pictures import pictures
+sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tools")]
+from pictures import pictures
+from verdict_pictures import pictures as verdict_pictures
 
 from plantfit.findings import findings_schema
 from plantfit.spec.tables import json_schema
@@ -36,7 +37,10 @@ def on_files(files: Files, config: Any) -> Files:
         "reference/study-file.schema.json": json.dumps(json_schema(), indent=1),
         "reference/findings.schema.json": json.dumps(findings_schema(), indent=1),
     }
-    pages |= {f"verdict/{name}.svg": svg for name, svg in pictures().items()}
+    drawn = pictures()
+    pages |= {f"pictures/{name}.svg": svg for name, (_, _, svg) in drawn.items()}
+    pages |= {f"verdict/{name}.svg": svg for name, svg in verdict_pictures().items()}
+    pages["what-it-looks-like.md"] = pictures_page(drawn)
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     return files
@@ -57,6 +61,20 @@ def relinked(text: str, up: str) -> str:
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Links out of docs/ lead to the repository, which the site does not have."""
     return re.sub(r"\[([^\]]+)\]\(\.\./(?!reference/|[\w-]+\.(?:md|png))[^)]*\)", r"\1", markdown)
+
+
+def pictures_page(drawn: Mapping[str, tuple[str, str, str]]) -> str:
+    """Every candidate of a diagnosis and every look at a signal or clock, with its picture."""
+    from plantfit.models.extensions import KINDS
+
+    text = "# What it looks like\n\nWhat [diagnosis](diagnosis.md) tries and looks for. Made from the laws and looks themselves.\n"
+    clock = "Blue: the place; dots: the samples. Of the clock its steps are drawn, in s."
+    for title, hint, added in (("Additions to a model", "Grey: without it; amber: with it.", True), ("Looks at the data", clock, False)):
+        text += f"\n## {title}\n\n{hint}\n"
+        for name in (n for n in drawn if (n in KINDS) is added):
+            heading, sentence, _ = drawn[name]
+            text += f"\n### {heading[0].upper()}{heading[1:]}\n\n`{name}`: {sentence}\n\n![{heading}](pictures/{name}.svg)\n"
+    return text
 
 
 def commands_page() -> str:

@@ -85,7 +85,7 @@ T = np.arange(400) * 0.1
 Y = np.sin(T)
 
 
-def pictured(kind, begin, end, y=Y, signal="y", t=T, times=()):
+def pictured(kind, begin, end, y=Y, signal: str | None = "y", t=T, times=()):
     look = Look(kind, "info", "a", signal, ".", begin, end, times=list(times))
     values = [float(v) if np.isfinite(v) else None for v in y]
     output = {"unit": "V", "measured": values, "simulated": values}
