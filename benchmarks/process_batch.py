@@ -63,8 +63,8 @@ def processes() -> dict[str, Process]:
     found |= {f"P3 T={t:g}": chain(f"1/((s + 1)(1 + {t:g}s)^2)", [1.0, t, t]) for t in (0.2, 2.0)}
     found |= {f"P4 n={n}": chain(f"1/(s + 1)^{n}", [1.0] * n) for n in (3, 4, 8)}
     found |= {f"P5 a={a:g}": chain(f"1/((1 + s)(1 + {a:g}s)(1 + {a:g}^2 s)(1 + {a:g}^3 s))", [a**k for k in range(4)]) for a in (0.2, 0.5)}
-    tank = "a' = (delay(u, L) - a)/t\ny' = a\nz = y"
-    found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "t": 0.7})
+    tank = "a' = (delay(u, L) - a)/T1\ny' = a\nz = y"
+    found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "T1": 0.7})
     found["P7 T=5"] = chain("e^-0.3s/((1 + 5s)(1 + 0.7s))", [5.0, 0.7], 0.3)
     for a in (0.3, 1.0):
         inverse = chain(f"(1 - {a:g}s)/(s + 1)^3", [1.0] * 3, ahead="x2 - a*(x1 - x2)/t2")
