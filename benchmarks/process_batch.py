@@ -10,7 +10,7 @@ mean ratio of both IAE (C. Grimholt, S. Skogestad, IFAC PID 2012, eq. 3).
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +114,7 @@ class Bench:
 
     def searched(self, ms: float, sizes: tuple[float, float]) -> Any:
         """The PID of least mean IAE ratio with Ms up to `ms`."""
-        wishes = Wishes(**(self.wishes.__dict__ | {"ms": 1.0 + (ms - 1.0) / ROOM}))
+        wishes = replace(self.wishes, ms=1.0 + (ms - 1.0) / ROOM)
         w = frequencies(wishes.period, slowest(self.small), COARSE)
         form = self._form(wishes)
         search = Search(self.judge, sampled_response(self.rest, wishes.period, w), w, wishes, form, sizes)
@@ -134,7 +134,8 @@ def _rule(name: str, small: Reduced) -> Any:
 
 def measured(process: Process) -> dict[str, Any]:
     """Both rules, and the PID searched against each."""
-    bench, row = Bench.of(process), {"written": process.written}
+    bench = Bench.of(process)
+    row: dict[str, Any] = {"written": process.written}
     for name in ("SIMC", "AMIGO"):
         rule = bench.figures(_rule(name, bench.small).gains())
         limit = float(np.clip(rule["ms"], LOW, HIGH))
@@ -161,7 +162,7 @@ def show(rows: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", help="processes, such as 'P1 T=1'; all where left out")
     parser.add_argument("--rows", type=Path, default=None, help="JSON file that keeps what is measured")
     given = parser.parse_args()
