@@ -10,7 +10,7 @@ mean ratio of both IAE (C. Grimholt, S. Skogestad, IFAC PID 2012, eq. 3).
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +63,8 @@ def processes() -> dict[str, Process]:
     found |= {f"P3 T={t:g}": chain(f"1/((s + 1)(1 + {t:g}s)^2)", [1.0, t, t]) for t in (0.2, 2.0)}
     found |= {f"P4 n={n}": chain(f"1/(s + 1)^{n}", [1.0] * n) for n in (3, 4, 8)}
     found |= {f"P5 a={a:g}": chain(f"1/((1 + s)(1 + {a:g}s)(1 + {a:g}^2 s)(1 + {a:g}^3 s))", [a**k for k in range(4)]) for a in (0.2, 0.5)}
-    tank = "a' = (delay(u, L) - a)/t\ny' = a\nz = y"
-    found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "t": 0.7})
+    tank = "a' = (delay(u, L) - a)/T1\ny' = a\nz = y"
+    found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "T1": 0.7})
     found["P7 T=5"] = chain("e^-0.3s/((1 + 5s)(1 + 0.7s))", [5.0, 0.7], 0.3)
     for a in (0.3, 1.0):
         inverse = chain(f"(1 - {a:g}s)/(s + 1)^3", [1.0] * 3, ahead="x2 - a*(x1 - x2)/t2")
@@ -114,7 +114,7 @@ class Bench:
 
     def searched(self, ms: float, sizes: tuple[float, float]) -> Any:
         """The PID of least mean IAE ratio with Ms up to `ms`."""
-        wishes = Wishes(**(self.wishes.__dict__ | {"ms": 1.0 + (ms - 1.0) / ROOM}))
+        wishes = replace(self.wishes, ms=1.0 + (ms - 1.0) / ROOM)
         w = frequencies(wishes.period, slowest(self.small), COARSE)
         form = self._form(wishes)
         search = Search(self.judge, sampled_response(self.rest, wishes.period, w), w, wishes, form, sizes)
@@ -134,7 +134,8 @@ def _rule(name: str, small: Reduced) -> Any:
 
 def measured(process: Process) -> dict[str, Any]:
     """Both rules, and the PID searched against each."""
-    bench, row = Bench.of(process), {"written": process.written}
+    bench = Bench.of(process)
+    row: dict[str, Any] = {"written": process.written}
     for name in ("SIMC", "AMIGO"):
         rule = bench.figures(_rule(name, bench.small).gains())
         limit = float(np.clip(rule["ms"], LOW, HIGH))
@@ -161,7 +162,7 @@ def show(rows: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", help="processes, such as 'P1 T=1'; all where left out")
     parser.add_argument("--rows", type=Path, default=None, help="JSON file that keeps what is measured")
     given = parser.parse_args()

@@ -1,6 +1,5 @@
 """Forms of controllers that one search and one judgement serve: a PID, and an LQ servo with its filter."""
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,10 @@ from plantfit.control.tune.rules import FILTER, Isa, rule_gains
 from plantfit.control.tune.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes
 from plantfit.simulate.loop.closed_loop import Controller
+from plantfit.sobol import Sobol
 from plantfit.space import Parameter, Space
+
+STARTS = 64  # servos that are tried before a search begins at the best of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,22 +82,22 @@ def isa_of(gains: Gains) -> Isa:
 
 def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     """An LQ servo on the linearised best fit, in the weight of its input, the loads that its filter expects and the speed of its set
-    point."""
+    point; spread evenly, its starts are tried for good regions of the cube, of which there are several."""
     total = slowest(small) + small.first_order[2]
     space = Space({
-        "rho": Parameter((1e-5, 1e3), scale="log"),
-        "wander": Parameter((1e-2, 1e4), scale="log"),
-        "shake": Parameter((1e-3, 1e4), scale="log"),
-        "seconds": Parameter((0.01 * total, 3.0 * total), scale="log"),
+        "rho": Parameter((1e-3, 1e2), scale="log"),
+        "wander": Parameter((0.1, 1e3), scale="log"),
+        "shaken": Parameter((0.03, 3.0), scale="log"),  # per wander
+        "seconds": Parameter((0.02 * total, 2.0 * total), scale="log"),
     })  # fmt: skip
 
     def made(z):
-        return plant.servo(*space.physical(z))
+        rho, wander, shaken, seconds = space.physical(z)
+        return plant.servo(rho, wander, shaken * wander, seconds)
 
     def response(parameters: Servo, w, xp=np):
         return servo_response(parameters, wishes.period, w, xp)
 
     loop = servo(wishes.period, lower=wishes.lower, upper=wishes.upper)
-    each = itertools.product((0.01, 0.3, 3.0), (1.0, 10.0, 100.0), (0.1, 10.0))
-    starts = np.stack([space.cube(np.array([*three, 0.1 * total])) for three in each])
+    starts = Sobol(space.dimension, np.random.default_rng(1)).random(STARTS)
     return Form("LQI", space, made, response, loop, unstable_poles, starts)

@@ -144,7 +144,8 @@ def tuned_loop(
     w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
     h, fine_h = sampled_response(first[1], wishes.period, w), sampled_response(rest, wishes.period, fine)
     simc = judges[pid.name].part(slice(0, 1)).scores(stacked_controllers([rules["SIMC"].gains()]))
-    sizes = tuple(float(v) if np.isfinite(v) and v > 0 else 1.0 for v in (simc.iae[0, 0], simc.load_iae[0, 0]))
+    step, load = (float(v[0, 0]) for v in (simc.iae, simc.load_iae))
+    sizes = (step if 0 < step < np.inf else 1.0, load if 0 < load < np.inf else 1.0)
     named: list[tuple[str, Form, Any, str]] = []
     for form in forms:
         search = Search(Judge.of(train, first[0], course, wishes.quantum, form.loop), h, w, wishes, form, sizes)
