@@ -17,11 +17,11 @@ import jax
 def driven_by_pid(
     rig: DcMotorRig, seed: int, law: Controller, gains: Gains, set_points: np.ndarray, units: tuple[str | None, str | None]
 ) -> Recording:
-    """The voltage V (N,) that the PID gives along `set_points` (N,), one every `rig.period` s, from rest.
+    """The voltage V (N,) that the PID gives along `set_points` (N,), one each period of the rig, from rest.
 
-    `rig.record(seed, it)` is the loop's record: the same encoder, the same motion. `units` of speed and voltage are the controller's;
-    `set_points` are in its unit. Without a pulse for `rig.timeout` s, or since the start, the speed reads 0. Raises SimulationError for
-    a speed that is not finite any more, UnitError for units that are not of a speed and a voltage.
+    The rig driven by it with the same seed gives the loop's record: the same encoder, the same motion. `units` of speed and voltage are the
+    controller's; `set_points` are in its unit. Without a pulse for the timeout, or since the start, the speed reads 0. Raises
+    SimulationError for a speed that is not finite any more, UnitError for units that are not of a speed and a voltage.
     """
     speed, volt = factor_offset("rad/s", units[0] or "rad/s")[0], factor_offset(units[1] or "V", "V")[0]
     phase, slots = rig.encoder(np.random.default_rng(seed))
