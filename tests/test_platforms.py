@@ -1,4 +1,4 @@
-"""macOS, Windows and ARM by faked facts: the branches for them work. What was run on those systems themselves stands in docs/overview.md."""
+"""macOS, Windows and ARM by faked facts: the branches for them work. What was run on those systems themselves is in docs/overview.md."""
 
 import ctypes
 import errno
