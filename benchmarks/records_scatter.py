@@ -50,7 +50,7 @@ def study(seed: int, count: int, scatter: float, memory: float = 0.0, samples: S
     local = linearise(problem, z)
     rows = parameter_rows(problem.space, local)
     wider, section = heterogeneity_findings(problem, z, local, rows, 400.0)
-    return {"before": rows[ROW], "row": wider[ROW], "section": section}
+    return {"before": rows[ROW], "row": wider[ROW], "section": None if section is None else section.plain()}
 
 
 def _cut(record: Any, samples: int) -> Any:

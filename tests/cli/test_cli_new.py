@@ -1,7 +1,9 @@
 """`plantfit new`: study files from lists of parts and from the library, columns of a recording, and mistakes."""
 
 import json
+import re
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from plantfit.models.drawings.offered import drawings
 from plantfit.models.library.catalogue import names
 from plantfit.recording import from_arrays, to_csv
 
+ROOT = Path(__file__).resolve().parents[2]
 RC = "R1 resistor a b\nC1 capacitor b 0\nu source a 0\nmeasure v(b), i(R1)\n"
 TRUE = {"R1": 2200.0, "C1": 4.7e-5}
 
@@ -145,3 +148,22 @@ def test_parts_and_plants_are_listed(capsys, monkeypatch):
     assert {p["kind"] for p in json.loads(call(capsys, monkeypatch, "new", "--parts", "--json").out)} >= {"tank", "motor"}
     plants = json.loads(call(capsys, monkeypatch, "new", "--list", "--json").out)
     assert {p["name"] for p in plants} >= {"dc_motor", "drive_train", "thermal", "tank", "exchanger", "pendulum", "mass_spring"}
+
+
+@pytest.mark.slow
+def test_the_tutorial_of_the_page_ends_as_it_says(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    section = (ROOT / "docs" / "networks.md").read_text("utf-8").split("## From a drawing to a verdict")[1]
+    data = (ROOT / "src" / "plantfit" / "cases" / "heater" / "step_test.csv").read_text("utf-8")
+    (tmp_path / "steps.csv").write_text("t_s,u,y [K]\n" + data)
+    parts, known = re.findall(r"```text\n(.*?)```", section, re.DOTALL)
+    sentences = [line[6:] for line in section.splitlines() if re.match(r"    [+i!x] ", line)]
+    first, *_ = parts.splitlines()
+    for text, told in ((parts, sentences[:2]), (parts.replace(first, known.strip()), sentences[2:])):
+        (tmp_path / "board.net").write_text(text)
+        assert call(capsys, monkeypatch, "new", "board.net", "--recording", "steps.csv", "--force").code == 0
+        run = call(capsys, monkeypatch, "run", "board.toml", "--no-diagnose", "--json")
+        verdict = [v["sentence"] for v in json.loads(run.out)["verdict"]]
+        for sentence in told:
+            shape = ".*".join(map(re.escape, re.split(r"\.\.\.|0\.413|1\.25", sentence)))
+            assert any(re.match(shape, v) for v in verdict), (sentence, verdict)

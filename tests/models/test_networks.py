@@ -316,3 +316,14 @@ def test_a_block_is_solved_exactly():
 
 def test_every_kind_of_the_independent_system_is_a_part():
     assert set(KINDS) <= set(PARTS)
+
+
+def test_no_part_has_a_name_that_equations_use():
+    from plantfit.models.networks.netlist import RESERVED
+    from plantfit.models.text import declarations
+    from plantfit.models.text.functions import SPECIAL
+
+    constants = {c for p in PARTS.values() for c in p.constants}
+    assert {*declarations.RESERVED, *SPECIAL, *constants} == RESERVED
+    with pytest.raises(EquationError, match="'max' has a meaning of its own"):
+        network("max resistor a b")

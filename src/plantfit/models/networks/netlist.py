@@ -18,7 +18,13 @@ from plantfit.errors import EquationError, UnitError
 from plantfit.models.networks.parts import DOMAINS, GROUND, PARTS, Domain, Part
 from plantfit.models.text.suggest import suggest
 
-RESERVED = ("t", "e", "pi", "delay", "gravity", "small_level", "slow_slip", "slow_turn", "coulomb", "smooth_abs", "sqrt")
+# what equations use themselves (models/text), here by name so that reading parts does not load jax; then constants of the parts
+_USED = (
+    "abs acos asin atan atan2 ceil clip cos cosh coulomb deadzone delay e exp floor friction log log10 max min pi play pos "
+    "quantize relu sat sign sin sinh smooth_abs smooth_deadzone smooth_sat smooth_sign sqrt step stribeck t tan tanh where "
+    "gravity small_level slow_slip slow_turn "
+)
+RESERVED = frozenset(_USED.split())
 _NUMBER = r"[-+]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][-+]?\d+)?"  # "1..10" are two
 _SIZE = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>.*)")
 _BY = re.compile(r"by\s+(?P<name>\w+)\s*(?:\[(?P<unit>[^\]]*)\])?")

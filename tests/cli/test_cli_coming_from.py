@@ -1,18 +1,16 @@
 """What docs/coming-from.md and README.md type runs: their Python, the commands, and the keys that are named."""
 
 import re
-import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from cli_call import call, heater
 
 import plantfit as pf
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "cli"))
-from cli_call import call, heater
-
 PAGE = (ROOT / "docs" / "coming-from.md").read_text("utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 HERE = [row.split(" | ")[1] for row in re.findall(r"^\| (.*) \|$", PAGE, re.MULTILINE)]
@@ -25,7 +23,7 @@ def names(tmp_path_factory):
     """The names that the first block of the page makes, on a heater with known truth."""
     folder = tmp_path_factory.mktemp("heater")
     heater(folder)
-    made = {}
+    made: dict[str, Any] = {}
     exec(compile(BLOCKS[0].replace('"heater.csv"', repr(str(folder / "heater.csv"))), "coming-from.md", "exec"), made)
     return made
 
@@ -65,7 +63,7 @@ def test_fit_takes_the_words_of_the_page(names, tmp_path):
 
 
 def test_the_curve_without_states_is_fitted():
-    made = {"pf": pf}
+    made: dict[str, Any] = {"pf": pf}
     exec(compile(BLOCKS[1], "coming-from.md", "exec"), made)
     x = np.linspace(0, 5, 40)
     record = pf.from_arrays({"t": np.arange(40.0), "x": x, "y": 2 * np.exp(-x / 1.5)}, time="t", signals={"x": "x", "y": "y"})
