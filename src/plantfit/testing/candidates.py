@@ -146,11 +146,12 @@ def _shown(candidate: Any, t: np.ndarray, signal: np.ndarray, value: float) -> n
 
 
 def _law(kind: str, candidate: Any, t: np.ndarray, signal: np.ndarray, value: float) -> None:
+    law: Any = candidate.law
     for more in ((value, True), (value, False)) if isinstance(candidate, Before) else ((value, SCALE),):
         given = [t.copy(), signal.copy(), *([] if isinstance(candidate, Before) else [np.ones((len(t), 1))])]
         before = [a.copy() for a in given]
         try:
-            one, two = (_parts(candidate.law(*given, *more)) for _ in range(2))
+            one, two = (_parts(law(*given, *more)) for _ in range(2))
         except Exception as failure:
             raise AssertionError(f"Candidate {kind!r}: its law fails at {value:g} ({type(failure).__name__}: {failure}).") from failure
         _expect(all(np.all(np.isfinite(a)) for a in one), kind, f"its law gives numbers that are not finite at {value:g}")
