@@ -36,6 +36,7 @@ from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.residual_tests import cross_correlation, independent, measured_rows, whiteness
 from plantfit.trust.verdict.all_sentences import sentences
+from plantfit.trust.verdict.fit import ROUNDING
 
 
 def assess(
@@ -158,7 +159,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
             continue
         for output in problem.outputs:
             residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
-            if not np.any(np.isfinite(residual)) or np.nanstd(residual) == 0:
+            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))

@@ -10,6 +10,9 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 
 GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
+ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
+POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
+SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
 
 Findings = Mapping[str, Any]
 Row = Mapping[str, Any]
@@ -108,14 +111,23 @@ def _held_level(ratio: float) -> str:
     return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
 
 
+def _poor(findings: Findings, row: Row) -> bool:
+    """Whether little of an unseen output is explained, and not for its noise from sample to sample."""
+    percent = row["fit_percent"]
+    noise = max((r["noise"] for r in noise_rows(findings) if r["output"] == row["output"]), default=None)
+    return bool(percent is not None and percent < POOR and (noise is None or row["rmse"] > FLOOR * noise))
+
+
 def _unseen(findings: Findings, row: Row) -> Sentence:
     base = _base(findings, row)
     text = f"On samples it has not seen, the RMSE of {_where(findings, row)} is {with_unit(row['rmse'], row['unit'])}"
     if not base:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
-    level = _held_level(ratio)
-    text = f"{text}, {ratio:.2f} times that of the fitted samples: {_HOLDS[level]}.{_shift(findings, row)}"
+    level, words = _held_level(ratio), None
+    if level == "good" and _poor(findings, row):
+        level, words = "warning", f"no worse than there, but a fit of {row['fit_percent']:.0f} % only"
+    text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
 
 
@@ -201,7 +213,7 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
-        if row["cross"] and not _disagree(findings)
+        if row["cross"] and all(c["bound"] <= SEEN for c in row["cross"].values()) and not _disagree(findings)
         else "."
     )
     return say("warning", text, correlation=_next(row))
@@ -233,9 +245,10 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
             part = np.array(o["part"]) == "fit"
             if part.sum() < 20:
                 continue
-            residual = (np.array(o["measured"], dtype=float) - np.array(o["simulated"], dtype=float))[part]
-            if not np.any(np.isfinite(residual)):
-                continue  # not measured in this recording
+            measured = np.array(o["measured"], dtype=float)
+            residual = (measured - np.array(o["simulated"], dtype=float))[part]
+            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
+                continue  # not measured in this recording, or followed exactly
             noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}

@@ -8,6 +8,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, s
 
 Row = Mapping[str, Any]
 LISTED = 8  # estimates in one sentence
+UNEVEN = 1.5  # times as far as 1.96 standard errors, from which on an interval is told beside them
 
 
 def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
@@ -41,12 +42,20 @@ def _determined(single: Sequence[Row], free: Sequence[Row], denied: str) -> Iter
     if not good:
         return
     named = [p for p in single if p["status"] == "determined"]
-    listed = ", ".join(_told(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    listed = ", ".join(_told(p) + _uneven(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
     what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     if denied:
         text += f" The intervals take residuals as independent, and those of {denied} are not."
     yield say("warning" if denied else "good" if len(good) == total else "info", text, determined=len(good))
+
+
+def _uneven(p: Row) -> str:
+    """The interval where it goes much farther to one side than the standard error says."""
+    if not _between(p) or p.get("uncertainty") or not p["standard_error"]:
+        return ""
+    reach = max(p["high"] - p["value"], p["value"] - p["low"])
+    return f" ({_between(p)})" if reach > UNEVEN * 1.96 * p["standard_error"] else ""
 
 
 def _told(p: Row) -> str:

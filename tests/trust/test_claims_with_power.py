@@ -1,0 +1,57 @@
+"""Sentences on inputs, unseen samples and noise are said where a test could have told the contrary, and only there."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from plantfit.trust.validate.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.verdict.fit import noise_rows, residual_sentences, unseen_sentences
+
+
+def findings(measured, simulated, u=None, rmse=1.0, unseen=None, percent=90.0):
+    """A record of one output y of input u; `unseen` is the RMSE on unseen samples, `percent` the fit there."""
+    residual = np.asarray(measured) - simulated
+    own, p = whiteness(residual)
+    cross = {}
+    if u is not None:
+        c = cross_correlation(residual, u)
+        cross = {"u": {"bound": c.bound, "independent": independent(c)}}
+    score = {"recording": "run", "output": "y", "unit": "V", "bias": 0.0}
+    scores = [{**score, "part": "fit", "rmse": rmse, "fit_percent": 90.0}]
+    scores += [] if unseen is None else [{**score, "part": "validation", "rmse": unseen, "fit_percent": percent}]
+    test = {"recording": "run", "output": "y", "autocorrelation": own.values.tolist(), "white": p > 0.01, "p_value": p, "cross": cross}
+    output = {"unit": "V", "measured": list(measured), "simulated": list(simulated), "part": ["fit"] * len(residual)}
+    return {"recordings": [{"name": "run", "outputs": {"y": output}}], "scores": scores, "residual_tests": [test]}
+
+
+def noise(n, memory, seed=1):
+    return np.asarray(lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(size=n)))
+
+
+@pytest.mark.parametrize(("memory", "slow_input", "said"), [(0.5, False, True), (0.98, True, False)])
+def test_residuals_do_not_follow_inputs_where_they_could_be_seen_to(memory, slow_input, said):
+    rng = np.random.default_rng(2)
+    u = np.linspace(0.0, 4.0, 400) if slow_input else rng.choice([-1.0, 1.0], 400)
+    (told,) = residual_sentences(findings(noise(400, memory), np.zeros(400), u))
+    assert "are not white" in told["sentence"]
+    assert ("it does not follow the inputs" in told["sentence"]) is said
+
+
+@pytest.mark.parametrize(("percent", "unseen", "level"), [(90.0, 1.1, "good"), (30.0, 1.1, "warning"), (30.0, 3.0, "bad")])
+def test_unseen_samples_hold_only_where_something_is_explained(percent, unseen, level):
+    slow = np.sin(np.arange(400) / 40.0)
+    (told,) = unseen_sentences(findings(slow, np.zeros(400), unseen=unseen, percent=percent))
+    assert told["level"] == level
+    assert told["sentence"].endswith("a fit of 30 % only.") is (level == "warning")
+    assert told["sentence"].endswith("it holds.") is (level == "good")
+
+
+def test_a_poor_percentage_of_pure_noise_holds():
+    (told,) = unseen_sentences(findings(noise(400, 0.0), np.zeros(400), unseen=1.05, percent=1.0))
+    assert told["level"] == "good"
+
+
+def test_rounding_is_no_noise():
+    y = 3.0 + noise(400, 0.0)
+    assert not list(noise_rows(findings(y, y + 1e-15 * noise(400, 0.0, 3))))
+    assert list(noise_rows(findings(y, y + 1e-3 * noise(400, 0.0, 3))))
