@@ -2,6 +2,7 @@
 
 For each study file: the simulation at the published parameters against a tight solver and against the published simulation, as a share of
 each output's range; then fits with default settings, and whether any reports a cost below that of the tight solver by more than 1 %.
+With `--json FILE` what stands in the file already is not computed again, so that a study of hours can be stopped and taken up.
 """
 
 import argparse
@@ -92,25 +93,32 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--json", type=Path, default=None, help="where the results are kept")
     options = parser.parse_args()
-    found = []
+    kept = json.loads(options.json.read_text()) if options.json and options.json.exists() else []
+    rows = {row["name"]: row for row in kept}
+
+    def keep() -> None:
+        if options.json:
+            options.json.write_text(json.dumps(list(rows.values()), indent=1))
+
     for name in options.names:
-        row = at_published(name)
+        row = rows.get(name) or {**at_published(name), "fits": []}
+        rows[name] = row
+        keep()
         print(
             f"{name}: at the published parameters {row['steps']:g} steps a sample; error as a share of the range: default steps "
             f"{row['default']:.1e}, steps for these values {row['at the values']:.1e}; against the published simulation "
             f"{row['published']:.1e} (tight solver {row['published and tight']:.1e})",
             flush=True,
         )
-        row["fits"] = []
         for seed in range(options.seeds):
-            one = fitted(name, seed)
-            row["fits"].append(one)
+            one = next((f for f in row["fits"] if f["seed"] == seed), None)
+            if one is None:
+                one = fitted(name, seed)
+                row["fits"].append(one)
+                keep()
             below = "refused" if one["below"] is None else f"{100 * one['below']:+.3f} % below the tight solver's"
             word = " (said to be refused)" if one["refused"] else ""
             print(f"  seed {seed}: cost {one['cost']:.6g}, {below}{word}, {one['status']}, {one['seconds']:.0f} s", flush=True)
-        found.append(row)
-        if options.json:
-            options.json.write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

@@ -77,6 +77,22 @@ def test_derivatives_equal_differences_and_costs_equal_residuals(name):
         assert error[-4] < 1e-3  # but where an event passes a sample between the two
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ball", "stick"])
+def test_candidates_have_the_same_bits_in_any_batch(name):
+    """Of some lanes of a vector something happens in a step, of the others nothing does."""
+    problem, truth = made(name)
+    z = np.asarray(problem.space.cube(problem.space.vector(truth)))
+    several = z + 0.02 * np.random.default_rng(4).standard_normal((19, len(z)))
+    costs, gradients = problem.values_and_gradients(several)
+    assert np.all(np.isfinite(gradients))
+    np.testing.assert_array_equal(costs, problem.costs(several))
+    for some in (several[3:5], several[::-1][:11]):
+        own = [int(np.flatnonzero((several == one).all(axis=1))[0]) for one in some]
+        np.testing.assert_array_equal(problem.costs(some), np.asarray(costs)[own])
+        np.testing.assert_array_equal(problem.values_and_gradients(some)[1], np.asarray(gradients)[own])
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_a_fit_finds_the_parameters(name):
     problem, truth = made(name)

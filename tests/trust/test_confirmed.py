@@ -1,6 +1,8 @@
 """Answers confirmed by an independent solver: the fit goes on finer where the cost is off, and refuses what nothing can follow."""
 
 import numpy as np
+import pytest
+from benchmarks.confirmed import answers_of, row_of
 
 import plantfit as pf
 from plantfit.errors import Status
@@ -45,3 +47,17 @@ def test_an_answer_behind_a_pole_is_refused_with_time_and_state():
     assert "in recording run, at t = 0.2" in run.extra["refused"]
     assert "state x" in run.extra["refused"]
     assert np.isfinite(run.cost)  # nothing else is left to report: the verdict says that it is refused
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pendulum", "limit cycle", "late tank", "hunter and prey", "heater", "thermal"])
+def test_demos_and_problems_of_the_suite_report_the_cost_of_the_tight_solver(name):
+    rows = [row_of(n, answer) for n, answer in answers_of(name, 0)]
+    assert all(row["followed"] and row["off"] <= 0.01 and not row["said"] for row in rows), rows
+
+
+@pytest.mark.slow
+def test_a_cost_that_fixed_steps_leave_wrong_is_said_to_be():
+    [row] = [row_of(n, answer) for n, answer in answers_of("soft shaft", 0)]
+    assert row["off"] > 0.01
+    assert "would need finer steps than were chosen" in row["said"][0]

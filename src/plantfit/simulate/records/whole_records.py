@@ -14,7 +14,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
 from plantfit.simulate.records.rows import Records
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steps.intervals import Row, counted, interval, pulled, residuals
+from plantfit.simulate.steps.intervals import Row, backwards_through, counted, interval, residuals
 
 import jax
 import jax.numpy as jnp
@@ -125,7 +125,7 @@ class _Loops:
 
     def backwards(self, p: Any, before: Any, weights: Any, records: Records) -> tuple[Any, Any]:
         """Derivatives by p and x0."""
-        pull = _chosen(self.windows, lambda edges: partial(pulled, interval(self.simulator, edges)))
+        pull = _chosen(self.windows, lambda edges: backwards_through(self.simulator, edges))
 
         def run(p, before, weights, rows, used):
             def body(carry, step):

@@ -3,8 +3,10 @@
 Everything here wraps a stepper into a stepper. The time of a crossing is solved for with constants, then corrected once
 with the true derivatives, which is the implicit function theorem: what follows the event then knows how its time
 moves (the saltation matrix; R. I. Leine, H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems,
-Springer 2004, sec. 7.2). A lone candidate locates crossings only where there are some; a batch cannot branch, and pays
-for every step what a step with events costs, some ten plain steps.
+Springer 2004, sec. 7.2).
+
+Most steps hold no event. `Switching` takes a step as if nothing happened and looks at both its ends; only where something may have
+happened is the step taken again, cut at what happens. Native code skips the second where no lane of a vector needs it.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +17,7 @@ from typing import Any, NamedTuple
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.parts.switching import Backlash, Event, Friction
+from plantfit.simulate.steps.crossings import NEAR, between, change, crossing, slope
 from plantfit.simulate.steps.times import fixed, moment, straight, timed
 from plantfit.simulate.steps.vector import Scalars, VectorModel
 
@@ -24,9 +27,37 @@ import jax.numpy as jnp
 Function = Callable[[Scalars, Scalars, Scalars], Any]
 Stepper = Callable[..., Scalars]
 
-BISECTIONS = 12  # on a cubic, cheap
-CORRECTIONS = 3  # with the stepper itself
-NEAR = 1e-9  # of a step's travel: the start of a step counts as on the surface
+AROUND = 1e-4  # of a step's travel: so near to the surface at an end of a step it is looked at closely, far more than NEAR
+
+
+@dataclass(frozen=True, eq=False)
+class Switching:
+    """A stepper in which something may happen: `whole` follows what does, however little.
+
+    `quiet` takes the same and gives the step as if nothing happened in it, which is right where nothing did, and whether something may.
+    """
+
+    whole: Stepper
+    quiet: Callable[..., tuple[Scalars, Any]]
+
+    def __call__(self, rate, x, u0, u1, h, p, varying, pattern=None) -> Scalars:
+        given = x, u0, u1, h, p
+        may = self.quiet(rate, *jax.lax.stop_gradient(given), varying, pattern)[1]
+
+        def whole(*given):
+            return self.whole(rate, *given, varying, pattern)
+
+        def plain(*given):
+            return self.quiet(rate, *given, varying, pattern)[0]
+
+        return _either(may, whole, plain, *given)
+
+
+def quiet_step(step: Stepper) -> Callable[..., tuple[Scalars, Any]]:
+    """The step as if nothing happened in it, and whether something may, of any stepper."""
+    if isinstance(step, Switching):
+        return step.quiet
+    return lambda *given: (step(*given), jnp.zeros((), dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +132,28 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
     # steps end at moments that are known beforehand, so that these meet in one
     most = most + sum(e.straight and not e.fixed for e in events) + any(e.straight and e.fixed for e in events)
 
+    def quiet(rate, x, u0, u1, h, p, varying, pattern=None):
+        end, may = quiet_step(step)(rate, x, u0, u1, h, p, varying, pattern)
+        for e in events:
+            if e.straight:
+                may = may | _moment(e, x, u0, u1, h, p).passed
+                continue
+            falling = _falling(e, rate, x, u0, u1, h, p, NEAR)
+            g0, travel = slope(falling, rate, x, u0, change(u0, u1, varying), h, p)
+            g1 = falling(x if e.timed else end, u1 if varying else u0, p)
+            room = AROUND * (jnp.abs(g1 - g0) + jnp.abs(travel))
+            may = may | ((g0 > -room) & (g1 < room))
+        return end, may
+
     def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
-        inner, whole = partial(step, pattern=pattern), h
+        inner, whole = partial(step, pattern=pattern), jax.lax.stop_gradient(h)
 
         def found_crossing(e, x, u0, h):
-            near = NEAR * whole / jnp.where(h == 0.0, 1.0, h)  # as a share of what is left of the step
+            near = NEAR * whole / jax.lax.stop_gradient(jnp.where(h == 0.0, 1.0, h))  # as a share of what is left of the step
             falling = _falling(e, rate, x, u0, u1, h, p, near)
             # the states need not be moved to see what depends on time alone
             moved = (lambda rate, x, *_: x) if e.timed else inner
-            return _crossing(moved, rate, falling, x, u0, u1, h, p, varying, near, by_time=by_time)
+            return crossing(moved, rate, falling, x, u0, u1, h, p, varying, near, by_time=by_time)
 
         def segment(carry, last):
             x, u0, h = carry
@@ -121,13 +165,13 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
                 first, chosen = jnp.where(sooner, share, first), jnp.where(sooner, k, chosen)
             happens = first <= 1.0
             share = jnp.where(happens & ~last, first, 1.0)
-            at = _between(u0, u1, share, varying, by_time)
+            at = between(u0, u1, share, varying, by_time)
             # the moment itself, so that what comes after begins behind it
             now = at[-1]
             for k, m in enumerate(moments):
                 now = now if m is None else jnp.where((chosen == k) & ~last, m.time, now)
             at = (*at[:-1], now)
-            x = inner(rate, x, u0, at, share * h, p, varying)
+            x = _moved(happens & ~last, inner, rate, x, u0, at, u1, share * h, h, p, varying)
             for k, (event, m) in enumerate(zip(events, moments, strict=True)):
                 happening = chosen == k if m is None else m.passed & happens & (m.time == now)
                 x = _where(happening & ~last, event.then(x, at, p), x)
@@ -136,7 +180,7 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
 
         return _segments(segment, most, x, u0, h)[0]
 
-    return stepper if events else step
+    return Switching(stepper, quiet) if events else step
 
 
 def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Stepper:
@@ -157,35 +201,53 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
     def breakaway(x, u, p):
         return jnp.maximum(friction.breakaway(x, u, p), friction.sliding(x, u, p))
 
+    def ruled(rate, x, u0, p, leaving):
+        """Whether the mass sticks, else which way it slides; the rate with friction; what falls through zero when that ends.
+
+        `leaving` is +-1 where the mass has just broken away.
+        """
+        need = holding(rate, x, u0, p)
+        at_rest = (x[i] == 0.0) & (leaving == 0.0)
+        stuck = at_rest & (jnp.abs(need) <= breakaway(x, u0, p))
+        way = jax.lax.stop_gradient(jnp.where(leaving != 0.0, leaving, jnp.where(at_rest, -jnp.sign(need), jnp.sign(x[i]))))
+
+        def rubbed(x, u, p):
+            free, effect = rate(x, u, p), friction.effect(x, u, p)
+            force = jnp.where(stuck, -free[i] / effect[i], -way * friction.sliding(x, u, p))
+            rates = [f + e * force for f, e in zip(free, effect, strict=True)]
+            rates[i] = jnp.where(stuck, 0.0, rates[i])
+            return tuple(rates)
+
+        def reserve(x, u, p):
+            return jnp.where(stuck, breakaway(x, u, p) - jnp.abs(holding(rate, x, u, p)), way * x[i])
+
+        return stuck, way, rubbed, reserve
+
+    def at_zero(where, x):
+        return tuple(jnp.where(where, 0.0, v) if k == i else v for k, v in enumerate(x))
+
+    def quiet(rate, x, u0, u1, h, p, varying, pattern=None):
+        stuck, way, rubbed, reserve = ruled(rate, x, u0, p, 0.0)
+        end, may = quiet_step(step)(rubbed, x, u0, u1, h, p, varying)
+        at_end = end, u1 if varying else u0, p
+        # what holds a mass is not asked of those that slide
+        left = jax.lax.cond(stuck, reserve, lambda x, u, p: way * x[i], *at_end)
+        return at_zero(stuck, end), may | (left <= 0.0)
+
     def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
         def segment(carry, last):
-            x, u0, h, leaving = carry  # leaving: +-1 where the last segment ended in breaking away
-            need = holding(rate, x, u0, p)
-            at_rest = (x[i] == 0.0) & (leaving == 0.0)
-            stuck = at_rest & (jnp.abs(need) <= breakaway(x, u0, p))
-            way = jax.lax.stop_gradient(jnp.where(leaving != 0.0, leaving, jnp.where(at_rest, -jnp.sign(need), jnp.sign(x[i]))))
-
-            def rubbed(x, u, p):
-                free, effect = rate(x, u, p), friction.effect(x, u, p)
-                force = jnp.where(stuck, -free[i] / effect[i], -way * friction.sliding(x, u, p))
-                rates = [f + e * force for f, e in zip(free, effect, strict=True)]
-                rates[i] = jnp.where(stuck, 0.0, rates[i])
-                return tuple(rates)
-
-            def reserve(x, u, p):
-                return jnp.where(stuck, breakaway(x, u, p) - jnp.abs(holding(rate, x, u, p)), way * x[i])
-
-            crossed, share = _crossing(step, rubbed, reserve, x, u0, u1, h, p, varying)
+            x, u0, h, leaving = carry
+            stuck, _, rubbed, reserve = ruled(rate, x, u0, p, leaving)
+            crossed, share = crossing(step, rubbed, reserve, x, u0, u1, h, p, varying)
             share = jnp.where(last, 1.0, share)
-            at = _between(u0, u1, share, varying)
-            x = step(rubbed, x, u0, at, share * h, p, varying)
-            x = tuple(jnp.where(stuck | crossed, 0.0, v) if k == i else v for k, v in enumerate(x))
+            at = between(u0, u1, share, varying)
+            x = at_zero(stuck | crossed, _moved(crossed & ~last, step, rubbed, x, u0, at, u1, share * h, h, p, varying))
             leaving = jnp.where(stuck & crossed, -jnp.sign(holding(rate, x, at, p)), 0.0)
             return (x, at, (1.0 - share) * h, leaving), None
 
         return _segments(segment, most, x, u0, h, jnp.zeros(()))[0]
 
-    return stepper
+    return Switching(stepper, quiet)
 
 
 def with_backlash(step: Stepper, play: Play) -> Stepper:
@@ -215,11 +277,10 @@ def with_backlash(step: Stepper, play: Play) -> Stepper:
 
 def _segments(segment, most, x, u0, h, *more):
     """The carry after `most` + 1 segments of a step, one program for all."""
-    shape = jnp.broadcast_shapes(*(jnp.shape(v) for v in (*x, *u0, h)))
-    carry = jax.tree.map(lambda v: jnp.broadcast_to(jnp.asarray(v, dtype=float), shape), (tuple(x), tuple(u0), h, *more))
+    carry = jax.tree.map(lambda v: jnp.asarray(v, dtype=float), (tuple(x), tuple(u0), h, *more))
 
     def needed(carry, last):
-        return jax.lax.cond(jnp.any(carry[2] != 0.0), segment, lambda carry, _: (carry, None), carry, last)
+        return jax.lax.cond(carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: (carry, None), carry, last)
 
     return jax.lax.scan(needed, carry, jnp.arange(most + 1) == most)[0]
 
@@ -241,77 +302,6 @@ def _moment(event, x, u0, u1, h, p):
     return _Moment(time, passed, jnp.where(passed, share, 1.0))
 
 
-def _crossing(step, rate, g, x, u0, u1, h, p, varying, near=None, *, by_time=False):
-    """Whether g falls through zero within the step, and at which share of it (differentiable; 1 where not).
-
-    With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes it, so that
-    rounding lets no crossing happen twice or never.
-    """
-    fixed = jax.lax.stop_gradient((x, u0, u1, h, p))
-
-    def along(share, x, u0, u1, h, p):
-        u = _between(u0, u1, share, varying, by_time)
-        return g(step(rate, x, u0, u, share * h, p, varying), u, p)
-
-    def slope(x, u, h, change, p):
-        moves = tuple(h * f for f in rate(x, u, p))
-        return jax.jvp(lambda x, u: g(x, u, p), (x, u), (moves, change))
-
-    def located(share):
-        return jax.jvp(lambda s: along(s, *fixed), (share,), (jnp.ones_like(share),))
-
-    fx, f0, f1, fh, fp = fixed
-    change = tuple(b - a for a, b in zip(f0, f1, strict=True)) if varying else tuple(jnp.zeros_like(a) for a in f0)
-    g0, travel0 = slope(fx, f0, fh, change, fp)
-    one = jnp.ones_like(g0)
-    g1, travel1 = located(one)
-    # a start on the surface, moving off it, is a root that must not be found again
-    at_start = jnp.abs(g0) <= (NEAR if near is None else near) * jnp.abs(travel0)
-    on_surface = at_start & (travel0 > 0.0)
-    crossed = ((g0 > 0.0) | on_surface) & (g1 <= 0.0) & ((g1 < 0.0) | (travel1 < 0.0))
-    if near is not None:
-        at_end = (g0 > 0.0) & (g1 > 0.0) & (g1 <= near * jnp.abs(travel1)) & (travel1 < 0.0)
-        crossed = (crossed | at_end) & ~(at_start & (travel0 < 0.0)) & (h != 0.0)
-
-    def corrected(_, bracket):
-        low, share, high = bracket
-        value, climb = located(share)
-        low, high = jnp.where(value > 0.0, share, low), jnp.where(value > 0.0, high, share)
-        newton = share - value / jnp.where(climb == 0.0, -1.0, climb)
-        inside = (newton >= low - NEAR) & (newton <= high + NEAR)
-        return low, jnp.where(inside, jnp.clip(newton, low, high), 0.5 * (low + high)), high
-
-    def located_share(x, u0, u1, h, p):
-        share = _root_of_cubic(jnp.where(on_surface, 0.0, g0), travel0, g1, travel1, on_surface)
-        share = jax.lax.fori_loop(0, CORRECTIONS, corrected, (jnp.zeros_like(share), share, one))[1]
-        share = jax.lax.stop_gradient(jnp.where(crossed, share, 1.0))
-        residue, climb = jax.jvp(lambda s: along(s, x, u0, u1, h, p), (share,), (one,))
-        climb = jax.lax.stop_gradient(climb)
-        exact = share - residue / jnp.where(crossed & (climb != 0.0), climb, -1.0)
-        value = jax.lax.stop_gradient(exact)
-        # clipped in value only: an event on a sample keeps its derivative
-        return jnp.where(crossed, jnp.clip(value, 0.0, 1.0) + (exact - value), 1.0)
-
-    # a lone candidate skips what it does not need; a batch always pays
-    share = jax.lax.cond(jnp.any(crossed), located_share, lambda *_: one, x, u0, u1, h, p)
-    return crossed, share
-
-
-def _root_of_cubic(g0, d0, g1, d1, on_surface):
-    """Where the Hermite cubic through values g and slopes d at 0 and 1 falls through zero, by bisection."""
-    b, c = 3.0 * (g1 - g0) - 2.0 * d0 - d1, 2.0 * (g0 - g1) + d0 + d1
-
-    def halved(_, bracket):
-        low, high = bracket
-        s = 0.5 * (low + high)
-        # a root at 0 is divided out
-        above = jnp.where(on_surface, d0 + s * (b + s * c), g0 + s * (d0 + s * (b + s * c))) > 0.0
-        return jnp.where(above, s, low), jnp.where(above, high, s)
-
-    low, high = jax.lax.fori_loop(0, BISECTIONS, halved, (jnp.zeros_like(g0), jnp.ones_like(g0)), unroll=True)
-    return 0.5 * (low + high)
-
-
 def _falling(event, rate, x, u0, u1, h, p, share):
     """The event's function, turned so that the crossing asked for is a falling one."""
     if event.sign:
@@ -323,15 +313,22 @@ def _falling(event, rate, x, u0, u1, h, p, share):
     return lambda x, u, p: sign * event.when(x, u, p)
 
 
-def _between(u0, u1, share, varying, by_time=False):
-    """The inputs at a share of the step; `by_time` has the time at its end to the last bit, so that no moment is seen twice or never."""
-    if not varying:
-        return u0
-    u = tuple(a + share * (b - a) for a, b in zip(u0, u1, strict=True))
-    if not by_time:
-        return u
-    rounding = jax.lax.stop_gradient(jnp.where(share == 1.0, u1[-1] - u[-1], 0.0))
-    return (*u[:-1], u[-1] + rounding)
+def _moved(cut, step, rate, x, u0, at, u1, part, h, p, varying):
+    """The states after the `part` of the step that ends at the inputs `at` where that is `cut`, after the whole step elsewhere."""
+
+    def cut_short(x, u0, at, u1, part, h, p):
+        return step(rate, x, u0, at, part, p, varying)
+
+    def to_the_end(x, u0, at, u1, part, h, p):
+        return step(rate, x, u0, u1, h, p, varying)
+
+    return _either(cut, cut_short, to_the_end, x, u0, at, u1, part, h, p)
+
+
+def _either(happens, whole, plain, *given):
+    """`whole(*given)` where something happens, `plain(*given)` elsewhere; derivatives of `plain` that are NaN stay out of it there."""
+    held = partial(jax.tree.map, lambda a: jnp.where(happens, jax.lax.stop_gradient(a), a))
+    return jax.lax.cond(happens, whole, lambda *given: plain(*held(given)), *given)
 
 
 def _where(condition, yes, no):

@@ -12,6 +12,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
 from plantfit.simulate.records.schedule import Knots
 from plantfit.simulate.simulator import Simulator
+from plantfit.simulate.steps.events import Switching
 
 import jax
 import jax.numpy as jnp
@@ -45,9 +46,10 @@ def _kept(make: Callable) -> Callable:
     return kept
 
 
-def substeps(simulator: Simulator) -> Callable:
-    """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length)."""
-    stepper, vector, m, varying = simulator.step, simulator.vector, simulator.parts, simulator.varying
+def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
+    """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length), of the simulator's stepper or another."""
+    vector, m, varying = simulator.vector, simulator.parts, simulator.varying
+    stepper = simulator.step if stepper is None else stepper
 
     def part(p, x, u0, u1, h):
         return stepper(vector.rate, x, u0, u0 if u1 is None else u1, h, p, varying, vector.pattern)
@@ -80,7 +82,34 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
 
     `row` is one interval of a `Row`; `around` the `Knots` (E,) of every delayed channel, looked at only with `edges`.
     """
-    vector, step = simulator.vector, substeps(simulator)
+    return _interval(simulator, edges, simulator.step, lambda x: x)
+
+
+def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
+    """`advance(p, x, row, around) -> ((x, y), may)` as if nothing happened in its steps, and whether something may; None where nothing can.
+
+    See `events.Switching`.
+    """
+    step = simulator.step
+    if not isinstance(step, Switching):
+        return None
+
+    def noted(rate, x, *given):
+        states, may = x
+        states, more = step.quiet(rate, states, *given)
+        return states, may | more
+
+    inner = _interval(simulator, edges, noted, lambda x: x[0])
+
+    def advance(p, x, row: Row, around: tuple[Knots, ...]):
+        (x, may), y = inner(p, (x, jnp.zeros((), dtype=bool)), row, around)
+        return (x, y), may
+
+    return advance
+
+
+def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Callable) -> Callable:
+    vector, step = simulator.vector, substeps(simulator, stepper)
     places = [vector.parameters.index(d.parameter) for d in vector.model.delays]
 
     def advance(p, x, row: Row, around: tuple[Knots, ...]):
@@ -98,7 +127,7 @@ def interval(simulator: Simulator, edges: bool) -> Callable:
             x = step(p, x, (u0, u1, then - now))
             now = then
         late = _late(row, around, delays, [[e <= row.end for e in channel] for channel in moving], row.end)
-        return x, vector.output(x, (*row.at, *late, row.end), p)
+        return x, vector.output(states(x), (*row.at, *late, row.end), p)
 
     def _inputs(row, around, delays, passed, when):
         """Every channel at `when`, on the straight lines that hold behind the edges that are `passed`."""
@@ -132,7 +161,7 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
 
     With `reverse` it can be differentiated backwards by p, x and totals.
     """
-    advance = interval(simulator, edges)
+    advance, pulled = interval(simulator, edges), backwards_through(simulator, edges)
 
     @partial(jax.jit, static_argnums=5, inline=True)
     def loop(p, x, totals, rows: Row, around, keep: bool):
@@ -145,7 +174,7 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
     def pull(p, before, rows: Row, around, adjoint, weights):
         def body(carry, step):
             x, row = step
-            return pulled(advance, p, x, row, around, carry, weights), None
+            return pulled(p, x, row, around, carry, weights), None
 
         begin = adjoint, jax.tree.map(jnp.zeros_like, p)
         return native_scan(body, begin, (before, rows), reverse=True, fallback=True)[0]
@@ -182,11 +211,30 @@ def residuals(y: Any, row: Row) -> Any:
     return tuple(jnp.where(s, a - m, 0.0) for a, m, s in zip(y, row.measured, row.scored, strict=True))
 
 
-def pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:
-    """(adjoint, gradient) before an interval, of those after it, for an `advance` as `interval` makes it.
+@_kept
+def backwards_through(simulator: Simulator, edges: bool) -> Callable:
+    """`pull(p, x, row, around, carry, weights)`: (adjoint, gradient) before an interval, of those after it.
 
-    `x` are the states before the interval, `weights` the derivatives by the sums of squares.
+    `x` are the states before the interval, `weights` the derivatives by the sums of squares. Where nothing happens in an interval, its
+    steps are differentiated as steps in which nothing can.
     """
+    quiet, step = quiet_interval(simulator, edges), simulator.step
+    if quiet is None:
+        return jax.jit(partial(_pulled, interval(simulator, edges)), inline=True)
+    # of one step it is known where something may have happened in it
+    step = step.whole if simulator.parts == 1 else step
+    whole = partial(_pulled, _interval(simulator, edges, step, lambda x: x))
+    plain = partial(_pulled, lambda *given: quiet(*given)[0])
+
+    @partial(jax.jit, inline=True)
+    def pull(p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:
+        _, may = quiet(p, x, row, around)
+        return jax.lax.cond(may, whole, plain, p, x, row, around, carry, weights)
+
+    return pull
+
+
+def _pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any, weights: Any) -> Any:
     adjoint, gradient = carry
     (_, y), back = jax.vjp(lambda p, x: advance(p, x, row, around), p, x)
     dp, dx = back((adjoint, tuple(2.0 * w * r for w, r in zip(weights, residuals(y, row), strict=True))))
