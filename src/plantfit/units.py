@@ -237,10 +237,11 @@ def si_base(unit: "str | pint.Unit") -> tuple[float, float, dict[str, int]] | No
         offset = float(registry().convert(0.0, parsed, "kelvin")) if _has_offset(parsed) else 0.0
     except Exception:  # pint raises many kinds on units that do not convert, as two offsets in one
         return None
-    powers = {name: power for name, power in size.units._units.items() if name not in ("count", "bit")}
+    units: Any = size.units
+    powers: dict[str, float] = {name: power for name, power in units._units.items() if name not in ("count", "bit")}
     if any(name not in _SI or power != int(power) for name, power in powers.items()):
         return None
-    factor = float(size.magnitude) * 1e-3 ** powers.get("gram", 0)
+    factor = float(size.magnitude) * 1e-3 ** int(powers.get("gram", 0))
     return factor, offset, {_SI[name]: int(power) for name, power in powers.items()}
 
 

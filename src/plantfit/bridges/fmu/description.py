@@ -94,13 +94,8 @@ def variables(plant: Plant, nominal: Sequence[float]) -> list[dict[str, Any]]:
         real = {"start": repr(float(plant.x0[n])), "nominal": repr(float(size))}
         add("state", n, model.states[n], ("local", "continuous", "exact"), real)
     for k, n in enumerate(states):
-        add(
-            "rate",
-            n,
-            per_second(model.states[n]) if model.states[n] else None,
-            ("local", "continuous", "calculated"),
-            {"derivative": str(first + k)},
-        )
+        unit = model.states[n]
+        add("rate", n, per_second(unit) if unit else None, ("local", "continuous", "calculated"), {"derivative": str(first + k)})
     for n, unit in model.outputs.items():
         add("output", n, unit, ("output", "continuous", "calculated"), {})
     return rows

@@ -76,6 +76,7 @@ def functional_mockup_unit(plant: Plant) -> dict[str, str | bytes]:
 def _sizes(plant: Plant) -> list[float]:
     """The largest size of each state in the recording, 1 where it has none."""
     predictor, experiment = plant.answer.problem.predictor, plant.answer.problem.experiments[plant.recording]
+    assert predictor.simulator is not None  # of a plant that is exported
     states = predictor.simulator.states(plant.p, predictor.drive(experiment))
     sizes = [float(np.max(np.abs(np.asarray(x)))) for x in states]
     return [size if np.isfinite(size) and size > 0 else 1.0 for size in sizes]

@@ -108,6 +108,7 @@ class ServoPlant:
         spread = doubled(jnp.asarray(a.T), jnp.asarray(c[:, None]), noise, jnp.full((1, 1), self.step**2))[1]
         gain = spread @ c / (c @ spread @ c + self.step**2)
         f = now[:n] @ self.target[:n] + (1.0 + jnp.sum(past)) * self.target[n]
-        fixed = (jnp.asarray(v) for v in (a, b, c, self.D))
+        plant = [jnp.asarray(v) for v in (a, b, c, self.D)]
         share = self.period / (self.period + seconds)
-        return Servo(*fixed, gain, states, past, f, share, *(jnp.asarray(v) for v in (self.target, self.u0, self.y0)))
+        rest = [jnp.asarray(v) for v in (self.target, self.u0, self.y0)]
+        return Servo._make([*plant, gain, states, past, f, share, *rest])

@@ -45,7 +45,8 @@ class Filter:
         self.own = plant.place(self.values[list(plant.joint)])
         names = [plant.space.names[i] for i in plant.joint]
         box = dict(zip(names, plant.prior_spread(), strict=True))
-        self.root = np.diag([*self.noise.initial_levels(plant.model), *((prior or {}).get(n, box[n]) for n in names)])
+        levels = [*self.noise.initial_levels(plant.model), *((prior or {}).get(n, box[n]) for n in names)]
+        self.root = np.diag(np.asarray(levels, dtype=float))
 
     def _filtered(self, values: Any, own: Any, root: Any, record: Record) -> Any:
         plant, c = self.plant, self.plant.constants(values, self.drift)

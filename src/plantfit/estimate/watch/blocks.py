@@ -106,7 +106,8 @@ class BlockFilter:
             self.carry, parts = self._advance(self.carry, rows, moved)
             told.append(parts)
         white, slopes = (np.concatenate([np.asarray(part[i]) for part in told], axis=i) for i in range(2))
-        mean, root = (np.asarray(v) for v in self.carry[2:])
+        carry: Any = self.carry
+        mean, root = (np.asarray(v) for v in carry[2:])
         own = np.moveaxis(slopes, 0, -1)[fed.places]
         return Block(t, white[fed.places], own, np.sum(np.isfinite(y), axis=1), mean, root)
 

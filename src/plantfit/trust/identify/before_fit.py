@@ -119,7 +119,8 @@ def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
     """Sensitivities (k, d) in few rows with the Gauss-Newton matrix of all, by what choosing the steps compiled already where it did so."""
     if shared(problem):
         r, jacobian = residuals_and_jacobian(problem, z)
-        return np.asarray(np.linalg.qr(jacobian, mode="r")) if np.isfinite(r).all() and np.isfinite(jacobian).all() else None
+        finite = np.isfinite(r).all() and np.isfinite(jacobian).all()
+        return np.asarray(np.linalg.qr(jacobian, mode="r"), dtype=float) if finite else None
     r, jacobian = problem.compressed(z)
     count = sum(len(block[0]) for block in problem.blocks(z))
     return jacobian * np.sqrt(count / len(r)) if np.isfinite(r).all() and np.isfinite(jacobian).all() else None
