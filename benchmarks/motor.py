@@ -45,7 +45,7 @@ def run(quick: bool) -> dict[str, float]:
     """Print the table and return the figures."""
     task = data.motor()
     coarse = choose_substeps(_problem(task))
-    values = dict(zip(NAMES, map(float, task.truth), strict=True))
+    values: dict[str, float] = dict(zip(NAMES, map(float, task.truth), strict=True))
     truth = coarse.space.cube(coarse.space.vector(values))
     batch = np.random.default_rng(11).uniform(size=(POPULATION, 6))
     rows: dict[str, Row] = {}

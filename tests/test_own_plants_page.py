@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent / "cli"))
-from cli_call import call
+from cli_call import call  # pyright: ignore[reportMissingImports]
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "own-plants.md").read_text("utf-8")
 PARTS = {title: text for title, text in re.findall(r"^## (.+)\n((?:(?!^## ).*\n)*)", PAGE, re.MULTILINE) if "    $ plantfit" in text}

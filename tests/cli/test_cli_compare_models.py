@@ -14,7 +14,7 @@ def test_study_files_are_fitted_once_compared_and_a_difference_of_data_is_named(
     said = call(capsys, monkeypatch, "compare", "heater.toml", "instant.toml", "--json")
     assert said.code == 0, said.err
     record = json.loads(said.out)
-    assert record["verdict"][0]["sentence"].startswith("heater.toml predicts unseen data better: RMSE 0.0")
+    assert record["verdict"][0]["sentence"].startswith("heater.toml predicts unseen data better: RMSE 0.")
     assert [m["name"] for m in record["models"]] == ["heater.toml", "instant.toml", "linear"]
     assert record["pairs"][0]["told"]
     assert "residual of instant.toml" in (tmp_path / "compare.html").read_text()

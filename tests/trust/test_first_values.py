@@ -139,7 +139,9 @@ def test_the_sentence_stands_where_it_matters():
         z = answer(problem)
         local = linearise(problem, z)
         rows = parameter_rows(problem.space, local)
-        findings = {"parameters": rows, "determined": determined_findings(problem, local.linear, rows, {}).plain()}
+        determined = determined_findings(problem, local.linear, rows, {})
+        assert determined is not None
+        findings = {"parameters": rows, "determined": determined.plain()}
         told = [s["sentence"] for s in parameter_sentences(findings) if "begin at the first measured" in s["sentence"]]
         assert bool(told) == said
         if said:

@@ -126,6 +126,24 @@ def test_a_model_that_drifts_away_is_judged_over_the_noise():
     assert not paired_difference([np.full(3, 1.0)], [np.full(3, 2.0)]).told  # three samples tell nothing
 
 
+def test_slow_errors_of_equal_size_are_told_apart_at_most_as_often_as_stated():
+    """Half a wave each over the record, of amplitudes that are drawn alike (4000 pairs: at most 6 %)."""
+    rng, wave = np.random.default_rng(9), np.cos(np.pi * np.arange(100) / 99)
+    sizes = np.sort(np.abs(rng.normal(size=(4000, 2)))) * rng.choice([-1, 1], (4000, 2))
+    told = [paired_difference([a * wave], [b * wave]) for a, b in sizes]
+    assert 40 < sum(d.told for d in told) < 240
+    assert all((d.p < 0.05) == d.told for d in told)
+
+
+def test_a_model_that_is_far_off_is_told_however_slow_errors_are():
+    slow = 0.05 * np.cos(np.pi * np.arange(120) / 119)
+    far = paired_difference([slow], [slow + 2.0 - 0.01 * np.arange(120)])
+    assert far.told
+    assert far.over == "noise"
+    assert far.value - far.half_width > 0
+    assert not paired_difference([slow], [4 * slow]).told
+
+
 def test_a_simulation_that_is_not_finite_loses_and_is_said_to():
     y, fitted = np.random.default_rng(0).normal(size=N), T < 0.6 * N
     good = Candidate("good", 1, 1.0, (np.zeros(N),))

@@ -11,7 +11,7 @@ from plantfit.problem.measure.long_run import inflation
 COSINES = 0.4  # times n^(2/3): those averaged at most (Lazarus and others, eq. 4)
 SLOW = 0.2  # times n over the correlation time: of those above, correlation would show
 FEW, FEWEST = 12, 5  # cosines below which the inputs are taken as they are, and nothing is claimed
-ENOUGH = 12  # cosines of the noise from which on that is done
+ENOUGH = 10  # cosines of the noise from which on that is done, and FEW where there are as many
 EQUAL = 0.005  # of an RMSE: what the accuracy of a simulation leaves open (`plantfit check --verify`)
 
 
@@ -46,6 +46,9 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     they are: errors e and e + d differ by the known d, and e^2 and (e + d)^2 by d^2 + 2 d e, of which only 2 d e is moved by noise. Where
     that is fast enough for ENOUGH cosines, and its mean no more than noise makes it, which is not so where the first model lacks what the
     second has, the interval is that over the noise of these samples.
+
+    Where nothing is fast enough, a model is still told where its error is so much the larger that a few numbers, or a single one, would
+    hardly ever be: the ratio of two mean squares (`_at_worst`).
     """
     pieces = [_paired(a, b) for a, b in zip(first, second, strict=True)]
     pieces = [p for p in pieces if len(p)]
@@ -61,18 +64,28 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     series = [(p[:, 1] - b) / (2 * np.sqrt(b)) - (p[:, 0] - a) / (2 * np.sqrt(a)) for p in pieces]
     degrees, memory, over = *_degrees(series), "stretches"
     half, error = _half_width(series, degrees, pairs)
-    if degrees < FEW:
+    if degrees < min(FEW, _most(len(both))):
         known = both[:, 2].mean() / (2 * np.sqrt(b))
         noise = [p[:, 2] / (2 * np.sqrt(b)) - known for p in pieces]
         fast, own = _degrees(noise)
         reach, spread = _half_width(noise, fast, pairs)
-        if fast >= ENOUGH and abs(known) <= reach:
+        if fast >= max(ENOUGH, min(FEW, _most(len(both)))) and abs(known) <= reach:
             half, error, degrees, memory, over = reach, spread, fast, own, "noise"
     if degrees < FEWEST:
+        half, p = _at_worst(a, b, max(1, degrees), pairs)
+        if value > half:
+            return Difference(value, half, p, max(1, degrees), len(both), memory, "noise", not equal(float(np.sqrt(a)), float(np.sqrt(b))))
         return Difference(value, np.nan, 1.0, degrees, len(both), memory, over, False)
     p = min(1.0, pairs * 2.0 * float(special.stdtr(degrees, -abs(value) / error))) if error > 0 else 1.0
     told = abs(value) > half and not equal(float(np.sqrt(a)), float(np.sqrt(b)))
     return Difference(value, half, p, degrees, len(both), memory, over, bool(told))
+
+
+def _at_worst(a: float, b: float, degrees: int, pairs: int) -> tuple[float, float]:
+    """Half the interval of a difference of RMSE, and its p-value, if the errors of each model are worth so few independent numbers: the
+    ratio b/a of the mean squares of equally good models then has the distribution F, and either may be the better one."""
+    most = float(special.fdtri(degrees, degrees, 1.0 - 0.025 / pairs))
+    return float(np.sqrt(a) * (np.sqrt(most) - 1.0)), min(1.0, pairs * 2.0 * float(special.fdtrc(degrees, degrees, b / a)))
 
 
 def _half_width(series: Sequence[np.ndarray], degrees: int, pairs: int) -> tuple[float, float]:
@@ -87,7 +100,12 @@ def _degrees(series: Sequence[np.ndarray]) -> tuple[int, float]:
     """How many cosines a series by recording is averaged over, and its correlation time in samples."""
     memory, count = _memory(series), sum(map(len, series))
     slow = SLOW * count / np.sqrt(memory**2 - 1.0) if memory > 1.0 else np.inf
-    return int(min(COSINES * count ** (2.0 / 3.0), slow)), memory
+    return min(_most(count), int(min(slow, count))), memory
+
+
+def _most(count: int) -> int:
+    """Cosines for a series of so many samples that is not slow."""
+    return int(COSINES * count ** (2.0 / 3.0))
 
 
 def _error(series: np.ndarray, degrees: int) -> float:
