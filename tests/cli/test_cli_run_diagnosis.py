@@ -84,7 +84,7 @@ def test_a_diagnosis_can_be_turned_off_stopped_and_made_later_with_the_same_bits
     monkeypatch.setattr(phase, "diagnose", lambda *given, **more: pytest.fail("not asked for"))
     off = as_json(capsys, monkeypatch, place, "--no-diagnose", "--workers", "2")
     assert off["diagnosis"] is None
-    assert any(GUESSES[0] in v["sentence"] or GUESSES[1] in v["sentence"] for v in off["verdict"])
+    assert any("something systematic is missing" in v["sentence"] for v in off["verdict"])
 
     def interrupted(*given, **more):
         os.kill(os.getpid(), signal.SIGINT)
