@@ -4,6 +4,7 @@ import ast
 import importlib
 import pkgutil
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -112,11 +113,12 @@ def test_public_functions_are_annotated_in_full():
         place = path.relative_to(SOURCE)
         tree = ast.parse(path.read_text("utf-8"))
         whole = place.parts[0] in ("trust", "report", "findings") or place.name == "stages.py"
-        bare += [f"{place}:{f.lineno} {f.name}" for f in (ast.walk(tree) if whole else public(tree)) if lacks_annotations(f)]
+        found = ast.walk(tree) if whole else public(tree)
+        bare += [f"{place}:{getattr(f, 'lineno', 0)} {getattr(f, 'name', '')}" for f in found if lacks_annotations(f)]
     assert bare == []
 
 
-def public(tree: ast.Module | ast.ClassDef):
+def public(tree: ast.Module | ast.ClassDef) -> Iterator[ast.AST]:
     for node in tree.body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from public(node)

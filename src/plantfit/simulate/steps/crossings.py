@@ -4,7 +4,11 @@ The place is solved for with constants; its derivatives follow from the residue 
 the way are those of the stepper itself, so that a step to the place ends on the surface.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import plantfit.runtime  # noqa: F401
+from plantfit.simulate.steps.vector import Scalars
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +20,13 @@ SETTLED_NEAR = 1e-11  # the same where NEAR tells whether a crossing has been
 NEAR = 1e-9  # of a step's travel: the start of a step counts as on the surface
 
 
-def crossing(step, rate, g, x, u0, u1, h, p, varying, near=None, *, by_time=False):
+Function = Callable[[Scalars, Scalars, Scalars], Any]
+
+
+def crossing(
+    step: Callable[..., Scalars], rate: Function, g: Function, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool,
+    near: Any = None, *, by_time: bool = False,
+) -> tuple[Any, Any]:  # fmt: skip
     """Whether g falls through zero within the step, and at which share of it (differentiable; 1 where not).
 
     With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes it, so that
@@ -71,17 +81,17 @@ def crossing(step, rate, g, x, u0, u1, h, p, varying, near=None, *, by_time=Fals
     return crossed, share
 
 
-def slope(g, rate, x, u, moves, h, p):
+def slope(g: Function, rate: Function, x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Scalars) -> tuple[Any, Any]:
     """g, and its change over a step of length h in which the inputs change by `moves`, as fast as at x."""
     return jax.jvp(lambda x, u: g(x, u, p), (x, u), (tuple(h * f for f in rate(x, u, p)), moves))
 
 
-def change(u0, u1, varying):
+def change(u0: Scalars, u1: Scalars, varying: bool) -> Scalars:
     """What the inputs change by."""
     return tuple(b - a for a, b in zip(u0, u1, strict=True)) if varying else tuple(jnp.zeros_like(a) for a in u0)
 
 
-def between(u0, u1, share, varying, by_time=False):
+def between(u0: Scalars, u1: Scalars, share: Any, varying: bool, by_time: bool = False) -> Scalars:
     """The inputs at a share of the step; `by_time` has the time at its end to the last bit, so that no moment is seen twice or never."""
     if not varying:
         return u0

@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.parts.switching import Backlash, Event, Friction
-from plantfit.simulate.steps.crossings import NEAR, between, change, crossing, slope
+from plantfit.simulate.steps.crossings import NEAR, Function, between, change, crossing, slope
 from plantfit.simulate.steps.times import fixed, moment, straight, timed
 from plantfit.simulate.steps.vector import Scalars, VectorModel
 
 import jax
 import jax.numpy as jnp
 
-Function = Callable[[Scalars, Scalars, Scalars], Any]
 Stepper = Callable[..., Scalars]
 
 AROUND = 1e-4  # of a step's travel: so near to the surface at an end of a step it is looked at closely, far more than NEAR
