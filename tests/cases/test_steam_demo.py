@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ from plantfit.cases.steam.sections.dynamic_section import (
     tables_of,
 )
 from plantfit.errors import SimulationError, Status
+from plantfit.fitting import Answer
 from plantfit.optimize.contract import RunResult
 from plantfit.report.case_page import render_case_page
 from plantfit.rig.steam_chamber import NODES, SteamChamberRig
@@ -240,7 +242,7 @@ def test_what_was_found_is_made_of_the_runs():
         {"parameter": "Td", "recording": n, "value": v + 0.02, "low": v - 0.1 * k, "high": v + 0.1 * k}
         for k, (n, v) in enumerate(true.items())
     ]
-    told = what_was_found(methods, floor, 0.1, slopes, runs, SimpleNamespace(findings={"parameters": rows}))
+    told = what_was_found(methods, floor, 0.1, slopes, runs, cast(Answer, SimpleNamespace(findings={"parameters": rows})))
     assert len(told) == 5
     assert "CMA-ES 2, L-BFGS-B, finite differences 10, DISH 40" in told[1]
     assert "exactly 0 for 2 of 2 dead times" in told[2]

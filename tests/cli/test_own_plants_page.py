@@ -1,15 +1,12 @@
 """docs/own-plants.md: every command on it is run, and every line that is printed on it comes in its place."""
 
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from cli_call import call
 
-sys.path.insert(0, str(Path(__file__).parent / "cli"))
-from cli_call import call  # pyright: ignore[reportMissingImports]
-
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "own-plants.md").read_text("utf-8")
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "own-plants.md").read_text("utf-8")
 PARTS = {title: text for title, text in re.findall(r"^## (.+)\n((?:(?!^## ).*\n)*)", PAGE, re.MULTILINE) if "    $ plantfit" in text}
 FAST = ("A pendubot with a link of 25 cm",)  # others search for 5 to 10 s of processor time
 CHATTERS = "A pendubot with a link of 25 cm"
