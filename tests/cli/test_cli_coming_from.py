@@ -102,11 +102,13 @@ def test_the_five_lines_of_the_readme_run(monkeypatch, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("line", [c for c in COMMANDS if c.split()[1] not in ("track", "new", "resume") and "--posterior" not in c])
 def test_its_commands_run(line, capsys, monkeypatch, tmp_path):
-    """But `track`, which follows a plant on line and refuses dead times; `new` has a page of its own, the posterior an extra."""
+    """But `track`, `new` and `resume`, which have tests of their own, and the posterior, which is an extra."""
     monkeypatch.chdir(tmp_path)
     heater(tmp_path)
     words = line.split()[1:]
     if words[0] == "compare" and len(words) == 1:
         words.append("heater.toml")
+    if words[0] in ("export", "tune"):  # of a finished study
+        assert call(capsys, monkeypatch, "run", "heater.toml").code == 0
     said = call(capsys, monkeypatch, *words)
     assert said.code == 0, said.err
