@@ -1,7 +1,7 @@
 """Fits that the tests of all targets share."""
 
 import pytest
-from plants import ARM, HEATER, answered
+from exported_plants import ARM, HEATER, answered
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from plants import same, series
+from exported_plants import same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant

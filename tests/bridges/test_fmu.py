@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from plants import MASS, answered, same, series
+from exported_plants import MASS, answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import export_plant
