@@ -11,12 +11,12 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.c_export import servo_to_c
 from plantfit.control.linear.doubling import doubled
 from plantfit.control.linear.riccati import filter_gain, regulator_gain
-from plantfit.control.linear.servo import servo, servo_response, unstable_poles
+from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.forms import lqi_form
 from plantfit.control.tune.frequency import frequencies, input_matrices, margins, sampled_response
 from plantfit.control.tune.loop_design import judged_on
-from plantfit.control.tune.loop_scores import Judge
+from plantfit.control.tune.loop_scores import Judge, from_rest
 from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.servo_weights import ServoPlant
 from plantfit.control.tune.told import table, verdict
@@ -243,3 +243,15 @@ def test_too_many_samples_of_dead_time_are_said():
     rest = rest_of(LAG, K=2.0, tau=10.0, L=20.0, c=1.0)
     with pytest.raises(SimulationError, match=r"The dead time is 400 samples of 0.05 s.*give a longer period"):
         plant_of(rest, Wishes(5.0, 2.0, 0.2, 0.05, -10.0, 10.0, controller="lqi"))
+
+
+def test_a_plant_that_rests_far_from_zero_is_judged_by_the_commands_that_it_gets():
+    """At rest at 24 % and the set point: the loop, which counts from rest, sees no command; a limit of 10 % is 14 % below it."""
+    plant = {"A": np.diag([0.9, 1.0]), "B": np.array([[0.1], [0.0]]), "C": np.array([1.0, 0.0]), "D": 0.0}
+    s = Servo(
+        **plant, gain=np.array([0.5, 0.5]), K=np.array([1.0, 1.0]), P=np.zeros(0), f=1.0, share=1.0, rest=np.ones(2), u0=24.0, y0=40.0
+    )
+    loop = from_rest(servo(1.0, lower=10.0, upper=80.0))
+    begin = loop.init(jnp.asarray(40.0), (s, 24.0))
+    assert float(loop.update(begin, 40.0, 40.0, (s, 24.0))[1]) == 0.0
+    assert float(loop.update(begin, 400.0, 40.0, (s, 24.0))[1]) == -14.0

@@ -11,7 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
 from plantfit.control.pid import Gains
 from plantfit.control.tune.frequency import pid_response
-from plantfit.control.tune.loop_scores import limited_pid
+from plantfit.control.tune.loop_scores import from_rest, limited_pid
 from plantfit.control.tune.reduction import Reduced, slowest
 from plantfit.control.tune.rules import FILTER, Isa, rule_gains
 from plantfit.control.tune.servo_weights import ServoPlant
@@ -98,6 +98,6 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     def response(parameters: Servo, w, xp=np):
         return servo_response(parameters, wishes.period, w, xp)
 
-    loop = servo(wishes.period, lower=wishes.lower, upper=wishes.upper)
+    loop = from_rest(servo(wishes.period, lower=wishes.lower, upper=wishes.upper))
     starts = Sobol(space.dimension, np.random.default_rng(1)).random(STARTS)
     return Form("LQI", space, made, response, loop, unstable_poles, starts)

@@ -55,6 +55,16 @@ class StepAndLoad:
         return np.where(np.arange(self.samples) >= self.begin, self.load, 0.0)
 
 
+def from_rest(controller: Controller) -> Controller:
+    """A controller whose parameters are (its own, the input at rest), with commands counted from that input, as loops here take them."""
+
+    def update(state, measurement, reference, parameters):
+        state, command = controller.update(state, measurement, reference, parameters)
+        return state, command - parameters[1]
+
+    return Controller(controller.init, update)
+
+
 def limited_pid(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> Controller:
     """`control.pid` that begins at rest at any input; parameters (gains, input at rest), commands counted from that input."""
     base = pid(period, lower=lower, upper=upper, anti_windup=anti_windup, tracking_time=tracking_time)
