@@ -47,7 +47,7 @@ def test_helpers_a_cluster_and_one_process_find_the_same(folder, capsys, monkeyp
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals of POSIX, which this system lacks")
 def test_ctrl_c_stops_helpers_too_and_resume_goes_on_with_several(folder, capsys, monkeypatch):
-    slow = (folder / "heater.toml").read_text().replace("budget = 300", "budget = 5000000")
+    slow = (folder / "heater.toml").read_text().replace("budget = 300", "budget = 500000000")
     for name in ("heater", "second"):
         (folder / f"{name}.toml").write_text(slow.replace('"heater"', f'"{name}"', 1))
     words = [

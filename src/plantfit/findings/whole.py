@@ -1,5 +1,6 @@
 """The findings of an answer: the one definition from which JSON, schema, checks and the page of the docs are made."""
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
@@ -84,4 +85,6 @@ def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
 
 def findings_schema() -> dict[str, Any]:
     """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where the page is."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Findings.model_json_schema()}
+    schema = Findings.model_json_schema()
+    schema["$defs"]["Look"].setdefault("description", inspect.getdoc(Look))  # pydantic before 2.13 leaves out words of a dataclass
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
