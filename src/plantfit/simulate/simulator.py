@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,21 +111,7 @@ class Simulator:
     @property
     def step(self) -> Callable:
         """The stepper, with what the model declares about events, dry friction and backlash around it."""
-        vector = self.vector
-        model, step = vector.model, self._one_step()
-        for backlash in model.backlashes:
-            step = with_backlash(step, bind_backlash(backlash, vector))
-        for friction in model.frictions:
-            step = with_friction(step, bind_friction(friction, vector))
-        return with_events(step, [bind_event(e, vector) for e in model.events]) if model.events else step
-
-    def _one_step(self) -> Callable:
-        if self.stepper == ADAPTIVE:
-            return adaptive(self.substeps)
-        return self._exact if self.stepper == EXACT else STEPPERS[self.stepper].step
-
-    def _exact(self, rate, x, u0, u1, h, p, varying, pattern=None):
-        return exact_step(self.vector, p, h, varying)(x, u0, u1)
+        return adaptive(self.substeps) if self.stepper == ADAPTIVE else _step(self.vector, self.stepper)
 
     @property
     def varying(self) -> bool:
@@ -337,6 +324,21 @@ class Simulator:
             index = jnp.searchsorted(pieces.knots, late, side="right")
             v, s, origin = (jnp.take(a, index) for a in (pieces.value, pieces.slope, pieces.origin))
             yield v + s * (late - origin)
+
+
+@lru_cache(maxsize=16)
+def _step(vector: VectorModel, stepper: str) -> Callable:
+    """One function for all simulators of a model, which is traced once."""
+
+    def exact(rate, x, u0, u1, h, p, varying, pattern=None):
+        return exact_step(vector, p, h, varying)(x, u0, u1)
+
+    model, step = vector.model, exact if stepper == EXACT else STEPPERS[stepper].step
+    for backlash in model.backlashes:
+        step = with_backlash(step, bind_backlash(backlash, vector))
+    for friction in model.frictions:
+        step = with_friction(step, bind_friction(friction, vector))
+    return with_events(step, [bind_event(e, vector) for e in model.events])
 
 
 def exact_ends(start: Any, end: Any) -> Any:

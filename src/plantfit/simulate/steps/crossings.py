@@ -5,7 +5,9 @@ the way are those of the stepper itself, so that a step to the place ends on the
 """
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.steps.vector import Scalars
@@ -14,74 +16,112 @@ import jax
 import jax.numpy as jnp
 
 GUESSES = 3  # on a cubic, cheap
-CORRECTIONS = 10  # with the stepper itself, at most; one or two are usual
-SETTLED = 1e-8  # of a step: what the next correction may be, for one to be the last
+PLACES = 12  # that are tried with the stepper itself, at most; two are usual
+SETTLED = 1e-9  # of a step: what a correction may be, for it to be the last
 SETTLED_NEAR = 1e-11  # the same where NEAR tells whether a crossing has been
 NEAR = 1e-9  # of a step's travel: the start of a step counts as on the surface
-
 
 Function = Callable[[Scalars, Scalars, Scalars], Any]
 
 
-def crossing(
-    step: Callable[..., Scalars], rate: Function, g: Function, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool,
-    near: Any = None, *, by_time: bool = False,
-) -> tuple[Any, Any]:  # fmt: skip
-    """Whether g falls through zero within the step, and at which share of it (differentiable; 1 where not).
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What may fall through zero within a step: `g(x, u, p, side)`, whatever `side` is for it.
+
+    `step(x, u0, u1, h, p)` moves the states, whose rates are `rate(x, u, p)`. A crossing is found when a correction of its share
+    of the step is at most `settled`; `by_time` as in `between`.
+    """
+
+    step: Callable[..., Scalars]
+    rate: Callable[..., Scalars]
+    g: Callable[..., Any]
+    varying: bool
+    settled: float = SETTLED
+    by_time: bool = False
+
+    def moved(self, share: Any, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any) -> tuple[Scalars, Scalars]:
+        """States and inputs at a share of the step."""
+        u = between(u0, u1, share, self.varying, self.by_time)
+        return self.step(x, u0, u, share * h, p), u
+
+    def slope(self, x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Any, side: Any) -> tuple[Any, Any]:
+        """As the function `slope`."""
+        return slope(lambda x, u, p: self.g(x, u, p, side), self.rate, x, u, moves, h, p)
+
+
+class Fall(NamedTuple):
+    """Whether g falls through zero within a step, and g and its travel, as fast as there, at both ends; constants."""
+
+    crossed: Any
+    on_surface: Any
+    ends: tuple[Any, Any, Any, Any]
+
+
+def fall(surface: Surface, x: Scalars, end: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any, side: Any = None, near: Any = None) -> Fall:
+    """Whether g falls through zero within the step from x to `end`.
 
     With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes it, so that
     rounding lets no crossing happen twice or never.
     """
-    fx, f0, f1, fh, fp = fixed = jax.lax.stop_gradient((x, u0, u1, h, p))
-    moves = change(f0, f1, varying)
-
-    def moved(share, x, u0, u1, h, p):
-        u = between(u0, u1, share, varying, by_time)
-        return step(rate, x, u0, u, share * h, p, varying), u
-
-    def along(share, *given):
-        return g(*moved(share, *given), given[-1])
-
-    g0, travel0 = slope(g, rate, fx, f0, moves, fh, fp)
-    g1, travel1 = slope(g, rate, step(rate, *fixed, varying), f1 if varying else f0, moves, fh, fp)
+    x, end, u0, u1, h, p = jax.lax.stop_gradient((x, end, u0, u1, h, p))
+    moves = change(u0, u1, surface.varying)
+    g0, travel0 = surface.slope(x, u0, moves, h, p, side)
+    g1, travel1 = surface.slope(end, u1 if surface.varying else u0, moves, h, p, side)
     # a start on the surface, moving off it, is a root that must not be found again
     at_start = jnp.abs(g0) <= (NEAR if near is None else near) * jnp.abs(travel0)
     on_surface = at_start & (travel0 > 0.0)
     crossed = ((g0 > 0.0) | on_surface) & (g1 <= 0.0) & ((g1 < 0.0) | (travel1 < 0.0))
     if near is not None:
         at_end = (g0 > 0.0) & (g1 > 0.0) & (g1 <= near * jnp.abs(travel1)) & (travel1 < 0.0)
-        crossed = (crossed | at_end) & ~(at_start & (travel0 < 0.0)) & (fh != 0.0)
+        crossed = (crossed | at_end) & ~(at_start & (travel0 < 0.0)) & (h != 0.0)
+    return Fall(crossed, on_surface, (g0, travel0, g1, travel1))
 
-    def unsettled(search):
-        tries, _, _, _, _, next_one = search
-        return (tries < CORRECTIONS) & (next_one > (SETTLED if near is None else SETTLED_NEAR))
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def arrived(surface: Surface, given: tuple[Any, ...], found: Fall) -> tuple[Any, Scalars]:
+    """At which share of a step g falls through zero, and the states there; of `given` = (x, u0, u1, h, p, side) they have derivatives."""
+    *start, side = given
+    _, u0, u1, h, p = start
+    moves = change(u0, u1, surface.varying)
 
     def corrected(search):
-        tries, low, share, high, last, _ = search
-        value, climb = slope(g, rate, *moved(share, *fixed), moves, fh, fp)
+        tries, low, share, high, _, _ = search
+        x, u = surface.moved(share, *start)
+        value, climb = surface.slope(x, u, moves, h, p, side)
         low, high = jnp.where(value > 0.0, share, low), jnp.where(value > 0.0, high, share)
         newton = share - value / jnp.where(climb == 0.0, -1.0, climb)
         inside = (newton >= low - NEAR) & (newton <= high + NEAR)
         better = jnp.where(inside, jnp.clip(newton, low, high), 0.5 * (low + high))
-        correction = jnp.abs(better - share)
-        # they shrink at least at the pace that the slope by rates is off the slope of steps
-        pace = jnp.where(tries == 0, 0.1, correction / jnp.where(last > 0.0, last, 1.0))
-        return tries + 1, low, better, high, correction, correction * pace
+        more = better - share
+        settled = (tries + 1 >= PLACES) | ~(jnp.abs(more) > surface.settled)
+        # a correction so small takes the states along by their rates; a larger one has them made anew
+        x = tuple(a + more * h * f for a, f in zip(x, surface.rate(x, u, p), strict=True))
+        return tries + 1, low, better, high, settled, x
 
-    def located(x, u0, u1, h, p):
-        share = _root_of_cubic(g0, travel0, g1, travel1, on_surface)
-        one = jnp.ones_like(share)
-        share = jax.lax.while_loop(unsettled, corrected, (0, jnp.zeros_like(share), share, one, one, one))[2]
-        share = jax.lax.stop_gradient(jnp.where(crossed, share, 1.0))
-
-        climb = jax.jvp(lambda s: along(s, *fixed), (share,), (one,))[1]
-        return _root(share, along(share, x, u0, u1, h, p), jnp.where(crossed & (climb != 0.0), climb, -1.0))
-
-    share = jax.lax.cond(crossed, located, lambda *_: jnp.ones_like(g0), x, u0, u1, h, p)
-    return crossed, share
+    share = _root_of_cubic(*found.ends, found.on_surface)
+    states = tuple(jnp.asarray(v, dtype=float) for v in given[0])
+    begin = 0, jnp.zeros_like(share), share, jnp.ones_like(share), jnp.zeros((), dtype=bool), states
+    _, _, share, _, _, states = jax.lax.while_loop(lambda search: ~search[4], corrected, begin)
+    return share, states
 
 
-def slope(g: Function, rate: Function, x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Scalars) -> tuple[Any, Any]:
+@arrived.defjvp
+def _(surface, primals, tangents):
+    given, found = primals
+    share, x = arrived(surface, given, found)
+
+    def at(share, given):
+        x, u = surface.moved(share, *given[:-1])
+        return x, surface.g(x, u, *given[-2:])
+
+    (along, climb) = jax.jvp(lambda share: at(share, given), (share,), (jnp.ones_like(share),))[1]
+    (moved, residue) = jax.jvp(lambda given: at(share, given), (given,), (tangents[0],))[1]
+    # the share moves against the residue
+    by = -residue / jnp.where(climb == 0.0, -1.0, climb)
+    return (share, x), (by, tuple(m + a * by for m, a in zip(moved, along, strict=True)))
+
+
+def slope(g: Function, rate: Callable[..., Scalars], x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Any) -> tuple[Any, Any]:
     """g, and its change over a step of length h in which the inputs change by `moves`, as fast as at x."""
     return jax.jvp(lambda x, u: g(x, u, p), (x, u), (tuple(h * f for f in rate(x, u, p)), moves))
 
@@ -100,18 +140,6 @@ def between(u0: Scalars, u1: Scalars, share: Any, varying: bool, by_time: bool =
         return u
     rounding = jax.lax.stop_gradient(jnp.where(share == 1.0, u1[-1] - u[-1], 0.0))
     return (*u[:-1], u[-1] + rounding)
-
-
-@jax.custom_jvp
-def _root(share, residue, climb):
-    """The share where the residue, which climbs so steeply by it, is zero: it moves against the residue."""
-    return share
-
-
-@_root.defjvp
-def _(primals, tangents):
-    share, _, climb = primals
-    return share, -tangents[1] / climb
 
 
 def _root_of_cubic(g0, d0, g1, d1, on_surface):

@@ -11,13 +11,14 @@ happened is the step taken again, cut at what happens. Native code skips the sec
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.parts.switching import Backlash, Event, Friction
-from plantfit.simulate.steps.crossings import NEAR, Function, between, change, crossing, slope
+from plantfit.simulate.steps.crossings import NEAR, SETTLED_NEAR, Function, Surface, arrived, between, change, fall, slope
+from plantfit.simulate.steps.steppers import plus, times
 from plantfit.simulate.steps.times import fixed, moment, straight, timed
 from plantfit.simulate.steps.vector import Scalars, VectorModel
 
@@ -31,25 +32,39 @@ AROUND = 1e-4  # of a step's travel: so near to the surface at an end of a step 
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """A stepper in which something may happen: `whole` follows what does, however little.
+    """A stepper in which something may happen: `whole` follows what does, however little; `values` is the same without derivatives.
 
     `quiet` takes the same and gives the step as if nothing happened in it, which is right where nothing did, and whether something may.
     """
 
+    values: Stepper
     whole: Stepper
     quiet: Callable[..., tuple[Scalars, Any]]
 
     def __call__(self, rate, x, u0, u1, h, p, varying, pattern=None) -> Scalars:
-        given = x, u0, u1, h, p
-        may = self.quiet(rate, *jax.lax.stop_gradient(given), varying, pattern)[1]
+        return _switched(self, rate, varying, pattern, (x, u0, u1, h, p))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2, 3))
+def _switched(step, rate, varying, pattern, given):
+    end, may = step.quiet(rate, *given, varying, pattern)
+    return jax.lax.cond(may, lambda given: step.values(rate, *given, varying, pattern), lambda _: end, given)
+
+
+@_switched.defjvp
+def _(step, rate, varying, pattern, primals, tangents):
+    def exact(given):
+        may = step.quiet(rate, *jax.lax.stop_gradient(given), varying, pattern)[1]
 
         def whole(*given):
-            return self.whole(rate, *given, varying, pattern)
+            return step.whole(rate, *given, varying, pattern)
 
         def plain(*given):
-            return self.quiet(rate, *given, varying, pattern)[0]
+            return step.quiet(rate, *given, varying, pattern)[0]
 
         return _either(may, whole, plain, *given)
+
+    return jax.jvp(exact, primals, tangents)
 
 
 def quiet_step(step: Stepper) -> Callable[..., tuple[Scalars, Any]]:
@@ -57,6 +72,21 @@ def quiet_step(step: Stepper) -> Callable[..., tuple[Scalars, Any]]:
     if isinstance(step, Switching):
         return step.quiet
     return lambda *given: (step(*given), jnp.zeros((), dtype=bool))
+
+
+class Given(NamedTuple):
+    """What a rate is given in place of the parameters `p`: these, which may be `Given` in turn, and what is fixed over a step.
+
+    So rates are functions that close over nothing, and a step with one of them is traced once.
+    """
+
+    p: Any
+    fixed: Any
+
+
+def parameters(p: Any) -> Scalars:
+    """The model's own parameters."""
+    return parameters(p.p) if isinstance(p, Given) else p
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +107,7 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class DryFriction:
-    """A `Friction` on tuples of scalars; `effect` gives the rate of every state per unit of force."""
+    """A `Friction` on tuples of scalars; `effect` gives the rate of every state per unit of force, the number 0.0 where it has none."""
 
     velocity: int
     sliding: Function
@@ -110,7 +140,7 @@ def bind_event(event: Event, vector: VectorModel) -> Trigger:
 def bind_friction(friction: Friction, vector: VectorModel) -> DryFriction:
     """The declared friction on tuples in the order of `vector`; raises ModelError for an unknown velocity."""
     place = _place(friction.velocity, vector, "friction")
-    effect = _changed(friction.effect, vector, "the effect of friction", lambda x: tuple(jnp.zeros_like(v) for v in x), friction.velocity)
+    effect = _changed(friction.effect, vector, "the effect of friction", lambda x: (0.0,) * len(x), friction.velocity)
     return DryFriction(place, _scalar(friction.sliding, vector), _scalar(friction.breakaway, vector), effect)
 
 
@@ -127,59 +157,94 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
     crossings of one surface within a step is not seen. Events at a straight line in time are followed however many there are,
     exactly, and those that meet in one moment all happen, in their order.
     """
+    if not events:
+        return step
+    step = _once(step)
     by_time = any(e.timed for e in events)
     # steps end at moments that are known beforehand, so that these meet in one
     most = most + sum(e.straight and not e.fixed for e in events) + any(e.straight and e.fixed for e in events)
 
     def quiet(rate, x, u0, u1, h, p, varying, pattern=None):
         end, may = quiet_step(step)(rate, x, u0, u1, h, p, varying, pattern)
+        return end, may | possible(rate, x, end, u0, u1, h, p, varying, NEAR)
+
+    def possible(rate, x, end, u0, u1, h, p, varying, near):
+        """Whether an event may be in the step from x to `end`."""
+        may = jnp.zeros((), dtype=bool)
         for e in events:
             if e.straight:
                 may = may | _moment(e, x, u0, u1, h, p).passed
                 continue
-            falling = _falling(e, rate, x, u0, u1, h, p, NEAR)
-            g0, travel = slope(falling, rate, x, u0, change(u0, u1, varying), h, p)
-            g1 = falling(x if e.timed else end, u1 if varying else u0, p)
-            room = AROUND * (jnp.abs(g1 - g0) + jnp.abs(travel))
+            side, moves = _side(e, rate, x, u0, u1, h, p, near), change(u0, u1, varying)
+            g0, travel = slope(partial(_falling(e), side=side), rate, x, u0, moves, h, p)
+            g1 = _falling(e)(x if e.timed else end, u1 if varying else u0, p, side)
+            room = (AROUND + near) * (jnp.abs(g1 - g0) + jnp.abs(travel))
             may = may | ((g0 > -room) & (g1 < room))
-        return end, may
+        return may
 
-    def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
-        inner, whole = partial(step, pattern=pattern), jax.lax.stop_gradient(h)
+    def stepper(derived, rate, x, u0, u1, h, p, varying, pattern=None):
+        whole = jax.lax.stop_gradient(h)
 
-        def found_crossing(e, x, u0, h):
-            near = NEAR * whole / jax.lax.stop_gradient(jnp.where(h == 0.0, 1.0, h))  # as a share of what is left of the step
-            falling = _falling(e, rate, x, u0, u1, h, p, near)
+        def stepped(x, u0, u1, h, p):
+            return step(rate, x, u0, u1, h, p, varying, pattern)
+
+        def surface(e):
             # the states need not be moved to see what depends on time alone
-            moved = (lambda rate, x, *_: x) if e.timed else inner
-            return crossing(moved, rate, falling, x, u0, u1, h, p, varying, near, by_time=by_time)
+            moved = (lambda x, *_: x) if e.timed else stepped
+            return Surface(moved, rate, _falling(e), varying, SETTLED_NEAR, by_time)
+
+        def near(h):
+            """`NEAR` as a share of what is left of the step."""
+            return NEAR * whole / jax.lax.stop_gradient(jnp.where(h == 0.0, 1.0, h))
+
+        def met(e, x, u0, h, end):
+            """Whether an event is in the step, at which share of it, and the states there."""
+            given = x, u0, u1, h, p, _side(e, rate, x, u0, u1, h, p, near(h))
+            found = fall(surface(e), x, end, u0, u1, h, p, given[-1], near(h))
+            share, there = jax.lax.cond(
+                found.crossed, lambda given: arrived(surface(e), given, found), lambda given: (jnp.ones_like(h), given[0]), given
+            )
+            return found.crossed, share, there
 
         def segment(carry, last):
-            x, u0, h = carry
+            x, u0, h, end = carry
             moments = [_moment(e, x, u0, u1, h, p) if e.straight else None for e in events]
-            found = [found_crossing(e, x, u0, h) if m is None else (m.passed, m.share) for e, m in zip(events, moments, strict=True)]
-            first, chosen = jnp.full_like(h, 2.0), jnp.full_like(h, -1.0)
-            for k, (crossed, share) in enumerate(found):
+            found = [met(e, x, u0, h, end) if m is None else (m.passed, m.share, x) for e, m in zip(events, moments, strict=True)]
+            first, chosen, there = jnp.full_like(h, 2.0), jnp.full_like(h, -1.0), x
+            for k, (crossed, share, arriving) in enumerate(found):
                 sooner = crossed & (share < first)
-                first, chosen = jnp.where(sooner, share, first), jnp.where(sooner, k, chosen)
+                first, chosen, there = jnp.where(sooner, share, first), jnp.where(sooner, k, chosen), _where(sooner, arriving, there)
             happens = first <= 1.0
-            share = jnp.where(happens & ~last, first, 1.0)
-            at = between(u0, u1, share, varying, by_time)
-            # the moment itself, so that what comes after begins behind it
-            now = at[-1]
-            for k, m in enumerate(moments):
-                now = now if m is None else jnp.where((chosen == k) & ~last, m.time, now)
-            at = (*at[:-1], now)
-            x = _moved(happens & ~last, inner, rate, x, u0, at, u1, share * h, h, p, varying)
-            for k, (event, m) in enumerate(zip(events, moments, strict=True)):
-                happening = chosen == k if m is None else m.passed & happens & (m.time == now)
-                x = _where(happening & ~last, event.then(x, at, p), x)
-            x = tuple(jnp.where(happens & last, jnp.nan, v) for v in x)
-            return (x, at, (1.0 - share) * h), None
 
-        return _segments(segment, most, x, u0, h)[0]
+            def reset(x, u0, h, _, first, there):
+                at = between(u0, u1, first, varying, by_time)
+                # the moment itself, so that what comes after begins behind it
+                now = at[-1]
+                for k, m in enumerate(moments):
+                    now = now if m is None else jnp.where(chosen == k, m.time, now)
+                at = (*at[:-1], now)
+                by_clock = [chosen == k for k, e in enumerate(events) if e.timed]
+                if by_clock:
+                    here = (x, u0, at, first * h, p)
+                    there = jax.lax.cond(jnp.any(jnp.stack(by_clock)), lambda x, *_: stepped(*here), lambda there: there, there)
+                for k, (event, m) in enumerate(zip(events, moments, strict=True)):
+                    happening = chosen == k if m is None else m.passed & (m.time == now)
+                    there = _where(happening, event.then(there, at, p), there)
+                left = (1.0 - first) * h
+                given = there, at, u1, left, p
+                end = _constant(stepped, *given)
+                more = possible(rate, *jax.lax.stop_gradient((there, end, *given[1:])), varying, near(left))
+                return there, at, jnp.where(more, left, 0.0), _either(more, lambda *_: end, stepped, *given) if derived else end
 
-    return Switching(stepper, quiet) if events else step
+            def ended(x, u0, h, end, *_):
+                end = stepped(x, u0, u1, h, p) if derived else end
+                return x, u0, jnp.zeros_like(h), tuple(jnp.where(happens, jnp.nan, v) for v in end)
+
+            return _either(happens & ~last, reset, ended, x, u0, h, end, first, there)
+
+        return _segments(segment, most, x, u0, h, _constant(stepped, x, u0, u1, h, p))[3]
+
+    return Switching(_traced(partial(stepper, False)), _traced(partial(stepper, True)), _traced(quiet))
 
 
 def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Stepper:
@@ -191,62 +256,91 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
     meets 0 is held until the step ends. Wrap once per friction when several do not act on each other's velocity.
     `pattern` is not used: friction adds entries to the Jacobian.
     """
-    i = friction.velocity
-
-    def holding(rate, x, u, p):
-        """The force that keeps the velocity."""
-        return -rate(x, u, p)[i] / friction.effect(x, u, p)[i]
+    step, i = _once(step), friction.velocity
 
     def breakaway(x, u, p):
-        return jnp.maximum(friction.breakaway(x, u, p), friction.sliding(x, u, p))
+        """The largest rate of the velocity that friction takes up at rest."""
+        p = parameters(p)
+        return jnp.maximum(friction.breakaway(x, u, p), friction.sliding(x, u, p)) * jnp.abs(friction.effect(x, u, p)[i])
 
-    def ruled(rate, x, u0, p, leaving):
-        """Whether the mass sticks, else which way it slides; the rate with friction; what falls through zero when that ends.
+    def state(rate, x, u, p, breaks=False):
+        """Which way the mass slides, +-1, and 0 where it sticks; `breaks` where it has just broken away."""
+        free, at_rest = rate(x, u, p)[i], x[i] == 0.0
+        sticks = at_rest & (jnp.abs(free) <= breakaway(x, u, p)) & ~breaks
+        backwards = jnp.where(at_rest, free * friction.effect(x, u, parameters(p))[i], x[i]) < 0.0
+        return jax.lax.stop_gradient(jnp.where(sticks, 0.0, jnp.where(backwards, -1.0, 1.0)))
 
-        `leaving` is +-1 where the mass has just broken away.
-        """
-        need = holding(rate, x, u0, p)
-        at_rest = (x[i] == 0.0) & (leaving == 0.0)
-        stuck = at_rest & (jnp.abs(need) <= breakaway(x, u0, p))
-        way = jax.lax.stop_gradient(jnp.where(leaving != 0.0, leaving, jnp.where(at_rest, -jnp.sign(need), jnp.sign(x[i]))))
+    @cache
+    def rubbed(rate):
+        """The rate with friction, `Given` which way the mass slides."""
 
-        def rubbed(x, u, p):
-            free, effect = rate(x, u, p), friction.effect(x, u, p)
-            force = jnp.where(stuck, -free[i] / effect[i], -way * friction.sliding(x, u, p))
-            rates = [f + e * force for f, e in zip(free, effect, strict=True)]
-            rates[i] = jnp.where(stuck, 0.0, rates[i])
+        def rubbed(x, u, given):
+            way, p = given.fixed, parameters(given)
+            free, effect = rate(x, u, given.p), friction.effect(x, u, p)
+            # a force that keeps the velocity where the mass sticks acts on other states too
+            others = any(not isinstance(e, float) for k, e in enumerate(effect) if k != i)
+            sliding = -way * friction.sliding(x, u, p)
+            force = jnp.where(way == 0.0, -free[i] / effect[i], sliding) if others else sliding
+            rates = [plus(f, times(force, e)) for f, e in zip(free, effect, strict=True)]
+            rates[i] = jnp.where(way == 0.0, 0.0, rates[i])
             return tuple(rates)
 
-        def reserve(x, u, p):
-            return jnp.where(stuck, breakaway(x, u, p) - jnp.abs(holding(rate, x, u, p)), way * x[i])
+        return rubbed
 
-        return stuck, way, rubbed, reserve
+    def reserve(rate):
+        """What falls through zero when the mass comes to rest or breaks away."""
+
+        def held(x, u, p, _):
+            return breakaway(x, u, p) - jnp.abs(rate(x, u, p)[i])
+
+        def slides(x, _, __, way):
+            return way * x[i]
+
+        # what holds a mass is not asked of those that slide
+        return lambda x, u, given, side=None: jax.lax.cond(given.fixed == 0.0, held, slides, x, u, *given)
 
     def at_zero(where, x):
         return tuple(jnp.where(where, 0.0, v) if k == i else v for k, v in enumerate(x))
 
     def quiet(rate, x, u0, u1, h, p, varying, pattern=None):
-        stuck, way, rubbed, reserve = ruled(rate, x, u0, p, 0.0)
-        end, may = quiet_step(step)(rubbed, x, u0, u1, h, p, varying)
-        at_end = end, u1 if varying else u0, p
-        # what holds a mass is not asked of those that slide
-        left = jax.lax.cond(stuck, reserve, lambda x, u, p: way * x[i], *at_end)
-        return at_zero(stuck, end), may | (left <= 0.0)
+        given = Given(p, state(rate, x, u0, p))
+        end, may = quiet_step(step)(rubbed(rate), x, u0, u1, h, given, varying, None)
+        return at_zero(given.fixed == 0.0, end), may | possible(rate, end, u1 if varying else u0, given)
 
-    def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
+    def possible(rate, end, u, given):
+        """Whether the mass may have come to rest or broken away in a step."""
+        return reserve(rate)(end, u, given) <= 0.0
+
+    def stepper(derived, rate, x, u0, u1, h, p, varying, pattern=None):
+        def stepped(x, u0, u1, h, given):
+            return at_zero(given.fixed == 0.0, step(rubbed(rate), x, u0, u1, h, given, varying, None))
+
+        surface = Surface(stepped, rubbed(rate), reserve(rate), varying)
+
         def segment(carry, last):
-            x, u0, h, leaving = carry
-            stuck, _, rubbed, reserve = ruled(rate, x, u0, p, leaving)
-            crossed, share = crossing(step, rubbed, reserve, x, u0, u1, h, p, varying)
-            share = jnp.where(last, 1.0, share)
-            at = between(u0, u1, share, varying)
-            x = at_zero(stuck | crossed, _moved(crossed & ~last, step, rubbed, x, u0, at, u1, share * h, h, p, varying))
-            leaving = jnp.where(stuck & crossed, -jnp.sign(holding(rate, x, at, p)), 0.0)
-            return (x, at, (1.0 - share) * h, leaving), None
+            x, u0, h, end, way = carry
+            found = fall(surface, x, end, u0, u1, h, Given(p, way))
 
-        return _segments(segment, most, x, u0, h, jnp.zeros(()))[0]
+            def turned(x, u0, h, _, way):
+                share, there = arrived(surface, (x, u0, u1, h, Given(p, way), None), found)
+                at, there, left = between(u0, u1, share, varying), at_zero(True, there), (1.0 - share) * h
+                later = Given(p, state(rate, there, at, p, way == 0.0))
+                given = there, at, u1, left, later
+                end = _constant(stepped, *given)
+                more = possible(rate, *jax.lax.stop_gradient((end, u1 if varying else at, later)))
+                end = _either(more, lambda *_: end, stepped, *given) if derived else end
+                return there, at, jnp.where(more, left, 0.0), end, later.fixed
 
-    return Switching(stepper, quiet)
+            def ended(x, u0, h, end, way):
+                end = stepped(x, u0, u1, h, Given(p, way)) if derived else end
+                return x, u0, jnp.zeros_like(h), at_zero(found.crossed, end), way
+
+            return _either(found.crossed & ~last, turned, ended, *carry)
+
+        way = state(rate, x, u0, p)
+        return _segments(segment, most, x, u0, h, _constant(stepped, x, u0, u1, h, Given(p, way)), way)[3]
+
+    return Switching(_traced(partial(stepper, False)), _traced(partial(stepper, True)), _traced(quiet))
 
 
 def with_backlash(step: Stepper, play: Play) -> Stepper:
@@ -257,21 +351,41 @@ def with_backlash(step: Stepper, play: Play) -> Stepper:
     `pattern` is not used: the play adds entries to the Jacobian.
     """
 
-    def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
-        begin = x[play.state]
+    def followed(x, u, p, begin):
+        p = parameters(p)
+        drive, gap = play.drive(x, u, p), play.gap(x, u, p)
+        y = jnp.minimum(jnp.maximum(begin, drive - gap), drive + gap)
+        return tuple(y if k == play.state else v for k, v in enumerate(x))
 
-        def followed(x, u, p):
-            drive, gap = play.drive(x, u, p), play.gap(x, u, p)
-            y = jnp.minimum(jnp.maximum(begin, drive - gap), drive + gap)
-            return tuple(y if k == play.state else v for k, v in enumerate(x))
+    @cache
+    def driven(rate):
+        """The rate of what follows, `Given` the state of the play at the start."""
 
-        def driven(x, u, p):
-            rates = rate(followed(x, u, p), u, p)
+        def driven(x, u, given):
+            rates = rate(followed(x, u, *given), u, given.p)
             return tuple(jnp.zeros_like(r) if k == play.state else r for k, r in enumerate(rates))
 
-        return followed(step(driven, x, u0, u1, h, p, varying), u1 if varying else u0, p)
+        return driven
+
+    def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
+        given = Given(p, x[play.state])
+        return followed(step(driven(rate), x, u0, u1, h, given, varying), u1 if varying else u0, *given)
 
     return stepper
+
+
+def _traced(step: Callable[..., Any]) -> Callable[..., Any]:
+    """A stepper that is traced once for each rate, however often it is called; what its rate needs of a step stands in `Given`."""
+    return jax.jit(step, static_argnums=(0, 6, 7))
+
+
+def _constant(stepped, *given):
+    """A step to look at before it is known whether it counts: without derivatives, which may be NaN where it does not."""
+    return stepped(*jax.lax.stop_gradient(given))
+
+
+def _once(step: Stepper) -> Stepper:
+    return step if isinstance(step, Switching) else _traced(step)
 
 
 def _segments(segment, most, x, u0, h, *more):
@@ -279,7 +393,7 @@ def _segments(segment, most, x, u0, h, *more):
     carry = jax.tree.map(lambda v: jnp.asarray(v, dtype=float), (tuple(x), tuple(u0), h, *more))
 
     def needed(carry, last):
-        return jax.lax.cond(carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: (carry, None), carry, last)
+        return jax.lax.cond(carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: carry, carry, last), None
 
     return jax.lax.scan(needed, carry, jnp.arange(most + 1) == most)[0]
 
@@ -301,27 +415,18 @@ def _moment(event, x, u0, u1, h, p):
     return _Moment(time, passed, jnp.where(passed, share, 1.0))
 
 
-def _falling(event, rate, x, u0, u1, h, p, share):
-    """The event's function, turned so that the crossing asked for is a falling one."""
+def _falling(event):
+    """The event's function, turned so that the crossing asked for is a falling one; `side` as of `_side`."""
+    return lambda x, u, p, side: (event.sign or side) * event.when(x, u, p)
+
+
+def _side(event, rate, x, u0, u1, h, p, share):
+    """The sign of an event's function at the start of a step, where crossings both ways are events; None where one is."""
     if event.sign:
-        return lambda x, u, p: event.sign * event.when(x, u, p)
-    moves = tuple(h * f for f in rate(x, u0, p)), tuple(b - a for a, b in zip(u0, u1, strict=True))
-    value, travel = jax.jvp(lambda x, u: event.when(x, u, p), (x, u0), moves)
+        return None
+    value, travel = slope(event.when, rate, x, u0, change(u0, u1, True), h, p)
     near = jnp.abs(value) <= share * jnp.abs(travel)
-    sign = jax.lax.stop_gradient(jnp.sign(jnp.where(near, travel, value)))
-    return lambda x, u, p: sign * event.when(x, u, p)
-
-
-def _moved(cut, step, rate, x, u0, at, u1, part, h, p, varying):
-    """The states after the `part` of the step that ends at the inputs `at` where that is `cut`, after the whole step elsewhere."""
-
-    def cut_short(x, u0, at, u1, part, h, p):
-        return step(rate, x, u0, at, part, p, varying)
-
-    def to_the_end(x, u0, at, u1, part, h, p):
-        return step(rate, x, u0, u1, h, p, varying)
-
-    return _either(cut, cut_short, to_the_end, x, u0, at, u1, part, h, p)
+    return jax.lax.stop_gradient(jnp.sign(jnp.where(near, travel, value)))
 
 
 def _either(happens, whole, plain, *given):
@@ -355,7 +460,7 @@ def _changed(function, vector, what, otherwise, needed=None):
         if unknown or (needed is not None and needed not in given):
             reason = f"names {unknown[0]!r}, which is not one of the states" if unknown else f"leaves out {needed!r} of the states"
             raise ModelError(f"Model {vector.model.name!r}: {what} {reason} {list(vector.states)}; give names of states.")
-        return tuple(jnp.asarray(given.get(name, old), dtype=float) for name, old in zip(vector.states, otherwise(x), strict=True))
+        return tuple(jnp.asarray(given[n], dtype=float) if n in given else old for n, old in zip(vector.states, otherwise(x), strict=True))
 
     return complete
 

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 MOST_EDGES = 4  # that straight code is written for; with more, edges are merged into a grid of steps
-UNROLLED = 8  # substeps that are written out; more become a loop
+UNROLLED = 8  # substeps that are written out, where nothing can happen in them; more become a loop
 
 
 class Row(NamedTuple):
@@ -68,7 +68,7 @@ def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
         def one(j, x):
             return part(p, x, between(j / m), None if u1 is None else between((j + 1) / m), h)
 
-        if m > UNROLLED:
+        if m > (1 if isinstance(simulator.step, Switching) else UNROLLED):
             return jax.lax.fori_loop(0, m, one, x)
         for j in range(m):
             x = one(j, x)
