@@ -5,7 +5,10 @@ import functools
 import hashlib
 import re
 import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +80,8 @@ def _with_parsed_definitions() -> "pint.UnitRegistry":
 
     They are pickles, so they are kept where nobody else can write, and a checksum tells whether they are whole.
     """
-    import pint
+    with _without_dask():
+        import pint
 
     folder = code_folder(f"pint-{pint.__version__}")
     if folder is None:
@@ -100,6 +104,22 @@ def _with_parsed_definitions() -> "pint.UnitRegistry":
     except OSError:  # a disk that is full, or cannot be written, costs time only
         return pint.UnitRegistry()
     return built
+
+
+@contextmanager
+def _without_dask() -> Iterator[None]:
+    """In a command, pint is imported as where Dask is not installed: it would load it whole, in three times its own time.
+
+    Only in a command, since pint then takes no arrays of Dask as magnitudes in this process.
+    """
+    hidden = "plantfit.cli.start" in sys.modules and not {"dask", "pint"} & sys.modules.keys()
+    if hidden:
+        sys.modules["dask"] = None  # type: ignore[assignment]  # what `import` takes for "there is none"
+    try:
+        yield
+    finally:
+        if hidden:
+            del sys.modules["dask"]
 
 
 _SUM = "sha256"
