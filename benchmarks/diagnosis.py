@@ -3,6 +3,8 @@
     python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks] [--faults dead_time,coulomb]
         [--pairs 1] [--size 0.3] [--run] [--json FILE]
 
+Cases that FILE holds from an earlier call are not run again, so that a long run may be stopped.
+
 The truth is simulated here by Runge-Kutta steps of a twentieth of a sample, with code that shares nothing with plantfit. A fault counts as
 named where the first round finds it, alone or as one of a pair that explains alike; which pairs no record of a linear plant can tell apart
 is written down in `TWINS`, and naming one of them for the other counts as well. Of two faults at once (`--pairs` seeds of each) both have
@@ -372,15 +374,26 @@ def main() -> None:
     parser.add_argument("--run", action="store_true")
     parser.add_argument("--json", default="")
     given = parser.parse_args()
+    kept = {(o.plant, o.fault, o.noise, o.seed): o for o in _read(given.json)}
     results: dict[str, list[Named]] = defaultdict(list)
     asked = [f for f in given.faults.split(",") if f]
     for plant, fault, noise, seed in cases(given.plants.split(","), asked, given.seeds, given.clean, given.first_seed, given.pairs):
-        one = judged(plant, fault, noise, seed, given.size, given.run)
-        results[fault].append(one)
-        tell(one)
-        if given.json:
-            Path(given.json).write_text(json.dumps([asdict(o) for own in results.values() for o in own], indent=1), encoding="utf-8")
+        which = (plant.name, fault, noise, seed)
+        if which not in kept:
+            kept[which] = judged(plant, fault, noise, seed, given.size, given.run)
+            if given.json:
+                Path(given.json).write_text(json.dumps([asdict(o) for o in kept.values()], indent=1), encoding="utf-8")
+        results[fault].append(kept[which])
+        tell(kept[which])
     summary(results)
+
+
+def _read(file: str) -> list[Named]:
+    """The cases of a file that an earlier call has begun."""
+    if not file or not Path(file).exists():
+        return []
+    rows = json.loads(Path(file).read_text(encoding="utf-8"))
+    return [Named(**{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}) for row in rows]
 
 
 def tell(one: Named) -> None:
