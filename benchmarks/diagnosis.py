@@ -30,6 +30,7 @@ FINE = 20  # Runge-Kutta steps a sample
 NOISES = (0.005, 0.02)  # of the spread of the output
 CLEAN, COLOURED = "clean", "coloured"
 MEMORY = 10.0  # samples, of coloured noise
+REACHED = 0.01  # of the fitted samples that a sensor's end has to cut
 NEAR = 1.1  # times the noise that was added: what a fit may leave
 
 
@@ -210,8 +211,10 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
     y = y + added
     y += sizes.get("offset", 0.0) + sizes.get("drift", 0.0) * t
     for end, quantile, cut in (("sensor_high", 0.9, np.minimum), ("sensor_low", 0.1, np.maximum)):
-        if end in sizes:  # without a level of its own an end that the record reaches, wherever it is
-            y = cut(y, sizes[end] if np.isfinite(sizes[end]) else float(np.quantile(y[: n * 7 // 10], quantile)))
+        if end in sizes:  # without a level of its own, or with one that the fitted part does not reach, an end that it reaches
+            level, fitted = sizes[end], y[: n * 7 // 10]
+            reached = np.isfinite(level) and np.mean(cut(fitted, level) != fitted) >= REACHED
+            y = cut(y, level if reached else float(np.quantile(fitted, quantile)))
     if "outliers" in sizes:
         hit = rng.random(n) < sizes["outliers"]
         y[hit] += rng.choice([-1.0, 1.0], hit.sum()) * rng.uniform(1.0, 3.0, hit.sum()) * np.std(y)

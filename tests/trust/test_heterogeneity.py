@@ -182,6 +182,29 @@ def test_two_of_five_that_changed_are_both_named_and_a_scatter_names_none():
     assert between == pytest.approx(np.std([0.4, 0.55, 0.7, 0.9], ddof=1), rel=0.5)
 
 
+def test_a_recording_is_named_only_where_two_others_were_compared():
+    """Of three recordings one is too slow to be compared: of the other two nobody can tell which is apart."""
+    from benchmarks.records_alike import _compiled
+
+    from plantfit.trust.finish.refit import refit
+    from plantfit.trust.heterogeneity.agreement import compared
+    from plantfit.trust.heterogeneity.alone import estimates
+
+    rng, each = np.random.default_rng(4), {}
+    problem, start = _compiled()
+    for name, lag in (("r0", 0.6), ("r1", 0.6), ("r2", 0.8)):
+        own = problem.with_recordings({"a": recording(rng, lag=lag)})
+        each[name] = replace(found := estimates(own, refit(own, start, np.ones(2, dtype=bool))[0], 0.0), rmse={name: found.rmse["a"]})
+    joint = replace(each["r0"], rmse={n: e.rmse[n] for n, e in each.items()})
+    assert [a["recording"] for a in compared(problem, joint, each)["apart"]] == ["r2"]
+    record = compared(problem, joint, {**each, "r1": replace(each["r1"], sound=False)})
+    assert record["agree"] is False
+    assert (record["apart"], record["either"]) == ([], [])
+    said = record["verdict"][0]["sentence"]
+    assert said.startswith("tau differs between recordings by more than its intervals")
+    assert "without which" not in said
+
+
 def test_basins_of_one_cost_are_no_disagreement():
     """Two lags in a row may be exchanged; a recording that is fitted alone stays at the names that the joint answer has."""
     rng, records = np.random.default_rng(10), {}
@@ -287,6 +310,9 @@ def test_a_scatter_that_is_not_beyond_chance_widens_intervals_of_three_recording
     assert "3.3 % of tau on; a smaller one may stay unseen" in unseen
     (only,) = answer_sentences({**findings, "parameters": [{**row, "by_noise": None}]})
     assert only["sentence"] == unseen
+    assert not answer_sentences({**findings, "parameters": [{**row, "by_noise": None}], "determined": {"sound": False}})
+    wild = {**section, "parameters": [{**section["parameters"][0], "seen_from": 5.0}]}
+    assert not answer_sentences({**findings, "heterogeneity": wild, "parameters": [{**row, "by_noise": None}]})
     from benchmarks.records_scatter import study
 
     two = [study(seed, 2, 0.0) for seed in range(40)]

@@ -41,7 +41,7 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
     adjusted = holm(p)
     differ = [n for n in adjusted if adjusted[n] < LEVEL]
-    apart, either = _odd(estimates, each, shared) if differ else ([], [])
+    apart, either = _odd({n: own for n, own in estimates.items() if n in tests}, each, shared, differ) if differ else ([], [])
     one = len(problem.outputs) == 1
     record = {
         "name": problem.name,
@@ -128,18 +128,20 @@ def _covariance(e: Estimates, names: Sequence[str], shared: Mapping[str, Coordin
 
 
 def _least(estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]) -> float:
-    """The least adjusted p-value over all tests; 1 where nothing can be tested."""
+    """The least adjusted p-value over all tests; 0 where nothing is left to test, since that is no agreement."""
     tests, all_at_once = _tests(estimates, each, shared)
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
-    return min(holm(p).values(), default=1.0)
+    return min(holm(p).values(), default=0.0)
 
 
 def _odd(
-    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]
+    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate], differ: Sequence[str]
 ) -> tuple[list[str], list[str]]:
     """The recordings, less than half of all, without which the others agree, taken one after the other; or, where one of several would do,
-    these. None of both where the recordings scatter."""
+    these. None of both where the recordings scatter, or fewer than two of the others tell a parameter that differs."""
     left, gone = list(each), []
+    if any(len(own) < 3 for n, own in estimates.items() if n in differ):
+        return [], []
     while 2 * (len(gone) + 1) < len(each):
         without = {}
         for r in left:

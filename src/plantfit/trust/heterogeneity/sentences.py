@@ -29,7 +29,8 @@ def answer_sentences(findings: Record) -> list[Sentence]:
     count, rows = len(section["recordings"]), findings["parameters"]
     if section["agree"] is False:
         return [*_first(section), _allowed_for(count, rows, command)]
-    return [*_doubted(section, rows, count), *_unseen(section, count)]
+    sound = (findings.get("determined") or {}).get("sound", True)  # else the verdict says that no interval holds
+    return [*_doubted(section, rows, count), *(_unseen(section, count) if sound else ())]
 
 
 def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
@@ -55,18 +56,14 @@ def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Senten
 
 def _unseen(section: Record, count: int) -> list[Sentence]:
     """What the other intervals hold for where recordings agree, and how large a scatter they would have told."""
-    tested = [t for t in section["parameters"] if t["seen_from"] is not None]
-    if not tested:
-        return []
 
     def size(t: Record) -> float:
         return t["seen_from"] / max(abs(t["joint"]["value"]), 1e-300)
 
-    tested.sort(key=size, reverse=True)
-    shown = [
-        f"{100 * size(t):.2g} % of {t['name']}" if size(t) < 1 else f"{with_unit(t['seen_from'], t['unit'])} in {t['name']}"
-        for t in tested[:MOVED]
-    ]
+    tested = sorted([t for t in section["parameters"] if t["seen_from"] is not None and size(t) < 1], key=size, reverse=True)
+    if not tested:
+        return []
+    shown = [f"{100 * size(t):.2g} % of {t['name']}" for t in tested[:MOVED]]
     more = f", less in the {len(tested) - MOVED} others" if len(tested) > MOVED else ""
     text = (
         f"Intervals are those of one plant in all {count} recordings. A scatter between them is told in 8 of 10 such studies from a "
@@ -116,8 +113,10 @@ def _first(record: Record) -> list[Sentence]:
         least = min([p["p_adjusted"] for p in record["parameters"] if p["p"] is not None], default=1.0)
         whole = len(tested) == len(record["parameters"]) and all(a["tested"] for p in record["parameters"] for a in p["alone"])
         what = "all parameters" if len(tested) == len(record["parameters"]) else some(tested)
+        compared = {a["recording"] for p in record["parameters"] for a in p["alone"] if a["tested"]}
+        count = f"{len(names)} recordings" if len(compared) == len(names) else f"{len(compared)} of {len(names)} recordings compared"
         tail = f"least p {number(least)}, corrected for {len(tested) + (record['together'] is not None)} tests"
-        return [say("good" if whole else "info", f"The recordings agree on {what} ({len(names)} recordings; {tail}).", p=least)]
+        return [say("good" if whole else "info", f"The recordings agree on {what} ({count}; {tail}).", p=least)]
     if record["either"]:
         who = f"one of {some(record['either'], 9)}, without which the others agree: these recordings do not tell which"
         return [say("warning", f"{_differ(differ, record)}. It is {who}. {CAUSES}")]
