@@ -3,6 +3,8 @@
     python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks] [--faults dead_time,coulomb]
         [--pairs 1] [--size 0.3] [--run] [--json FILE]
 
+Cases that FILE holds from an earlier call are not run again, so that a long run may be stopped.
+
 The truth is simulated here by Runge-Kutta steps of a twentieth of a sample, with code that shares nothing with plantfit. A fault counts as
 named where the first round finds it, alone or as one of a pair that explains alike; which pairs no record of a linear plant can tell apart
 is written down in `TWINS`, and naming one of them for the other counts as well. Of two faults at once (`--pairs` seeds of each) both have
@@ -28,6 +30,7 @@ FINE = 20  # Runge-Kutta steps a sample
 NOISES = (0.005, 0.02)  # of the spread of the output
 CLEAN, COLOURED = "clean", "coloured"
 MEMORY = 10.0  # samples, of coloured noise
+REACHED = 0.01  # of the fitted samples that a sensor's end has to cut
 NEAR = 1.1  # times the noise that was added: what a fit may leave
 
 
@@ -208,8 +211,10 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
     y = y + added
     y += sizes.get("offset", 0.0) + sizes.get("drift", 0.0) * t
     for end, quantile, cut in (("sensor_high", 0.9, np.minimum), ("sensor_low", 0.1, np.maximum)):
-        if end in sizes:  # without a level of its own an end that the record reaches, wherever it is
-            y = cut(y, sizes[end] if np.isfinite(sizes[end]) else float(np.quantile(y[: n * 7 // 10], quantile)))
+        if end in sizes:  # without a level of its own, or with one that the fitted part does not reach, an end that it reaches
+            level, fitted = sizes[end], y[: n * 7 // 10]
+            reached = np.isfinite(level) and np.mean(cut(fitted, level) != fitted) >= REACHED
+            y = cut(y, level if reached else float(np.quantile(fitted, quantile)))
     if "outliers" in sizes:
         hit = rng.random(n) < sizes["outliers"]
         y[hit] += rng.choice([-1.0, 1.0], hit.sum()) * rng.uniform(1.0, 3.0, hit.sum()) * np.std(y)
@@ -372,15 +377,26 @@ def main() -> None:
     parser.add_argument("--run", action="store_true")
     parser.add_argument("--json", default="")
     given = parser.parse_args()
+    kept = {(o.plant, o.fault, o.noise, o.seed): o for o in _read(given.json)}
     results: dict[str, list[Named]] = defaultdict(list)
     asked = [f for f in given.faults.split(",") if f]
     for plant, fault, noise, seed in cases(given.plants.split(","), asked, given.seeds, given.clean, given.first_seed, given.pairs):
-        one = judged(plant, fault, noise, seed, given.size, given.run)
-        results[fault].append(one)
-        tell(one)
-        if given.json:
-            Path(given.json).write_text(json.dumps([asdict(o) for own in results.values() for o in own], indent=1), encoding="utf-8")
+        which = (plant.name, fault, noise, seed)
+        if which not in kept:
+            kept[which] = judged(plant, fault, noise, seed, given.size, given.run)
+            if given.json:
+                Path(given.json).write_text(json.dumps([asdict(o) for o in kept.values()], indent=1), encoding="utf-8")
+        results[fault].append(kept[which])
+        tell(kept[which])
     summary(results)
+
+
+def _read(file: str) -> list[Named]:
+    """The cases of a file that an earlier call has begun."""
+    if not file or not Path(file).exists():
+        return []
+    rows = json.loads(Path(file).read_text(encoding="utf-8"))
+    return [Named(**{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}) for row in rows]
 
 
 def tell(one: Named) -> None:

@@ -121,7 +121,10 @@ class Answer:
 
     @property
     def correlation(self) -> ParameterMatrix:
-        """Correlation (d, d) of `values`, that of the problem linearised at the answer; NaN where there is no standard error."""
+        """Correlation (d, d) of `values`, that of the problem linearised at the answer; NaN where there is no standard error.
+
+        It is that of the noise also where recordings scatter; draws of plants (`bands`) have that of the scatter as well.
+        """
         return self._named(self._correlation)
 
     @cached_property
@@ -189,7 +192,8 @@ class Answer:
         """Where every output lies over a recording (as `predict` takes it) at `level`, for all parameters that the data allow.
 
         `draws` plants are drawn from the covariance of the answer and over the ranges of what the data leave open; readings scatter
-        about them as the residuals of the fit do. Same seed, same bands. Raises what `predict` raises, SpaceError for a level or a number
+        about them as the residuals of the fit do. Where recordings of the plant scatter, the plants are those of another recording (the
+        parameters with "scatter" in the findings). Same seed, same bands. Raises what `predict` raises, SpaceError for a level or a number
         of draws that cannot be, and SearchError where hardly a draw is a plant.
         """
         if not 0.5 <= level <= 0.999 or not 20 <= draws <= 20_000:

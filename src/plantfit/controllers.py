@@ -69,6 +69,9 @@ class Controller:
         if self.drawn.open:
             more = f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
             told.append({"level": "warning", "sentence": f"{more}: the plants spread over the whole range that the data allow."})
+        if self.drawn.scatters:
+            more = f"Recordings scatter in {', '.join(self.drawn.scatters)}: plants are those of another recording, within 95 % of each."
+            told.append({"level": "info", "sentence": more})
         return told
 
     @property
@@ -229,7 +232,7 @@ def _family(
 ) -> tuple[Plausible, dict[str, np.ndarray], str]:  # fmt: skip
     """The best fit, `TRAIN` plants to search on, others to judge: what is drawn, parameters of the model by name, what the plants are."""
     if draws is None and not chosen.tolerances:
-        drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], (chosen.plants or 200) + TRAIN, seed)
+        drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], (chosen.plants or 200) + TRAIN, seed, within=True)
         drawn = replace(drawn, values=drawn.values[:-1])  # the best fit is one of the plants
         return drawn, _plants(answer, drawn, recording), ALLOWED
     if draws is not None and chosen.tolerances:

@@ -5,11 +5,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from cli_call import call
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
 
 from benchmarks.records_alike import recording
+
+import plantfit as pf
 
 SPEC = """name = "oven"
 {recordings}
@@ -64,6 +67,34 @@ def test_recordings_that_agree_are_said_to(tmp_path, capsys, monkeypatch):
     assert said.code == 0, said.err
     assert "+ The recordings agree on all parameters (2 recordings; least p 0." in said.out
     assert "no longer fits" not in said.out
+
+
+SCATTERS = "Recordings of this plant scatter in K, tau: the bands are those of the plant in another recording."
+
+
+@pytest.mark.parametrize("july", [0.6, 0.75])
+def test_bands_say_that_they_are_for_another_recording(tmp_path, capsys, monkeypatch, july):
+    monkeypatch.chdir(tmp_path)
+    study(tmp_path, {"may": 0.6, "june": 0.6, "july": july})
+    assert call(capsys, monkeypatch, "run", "oven.toml", "--no-diagnose").code == 0
+    said = call(capsys, monkeypatch, "predict", "oven.toml", "--bands").out
+    assert (SCATTERS in said) == ("scatter" in said) == (july > 0.6)
+    told = json.loads(call(capsys, monkeypatch, "predict", "oven.toml", "--bands", "--json").out)
+    assert ("tau" in told["bands"]["scatters"]) == (july > 0.6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("july", [0.6, 0.75])
+def test_a_controller_is_tuned_for_another_recording(tmp_path, monkeypatch, july):
+    monkeypatch.chdir(tmp_path)
+    study(tmp_path, {"may": 0.6, "june": 0.6, "july": july})
+    answer = pf.fit(pf.load("oven.toml").problem, budget=400)
+    design = pf.tune(answer, budget=10, plants=20, upper=5.0, lower=-5.0)
+    sentences = [v["sentence"] for v in design.verdict if v["sentence"].startswith("Recordings scatter in ")]
+    assert len(sentences) == (july > 0.6)
+    assert not sentences or sentences[0].endswith("plants are those of another recording, within 95 % of each.")
+    lags = design.drawn.values[:, list(design.drawn.names).index("tau")]
+    assert (lags.max() > 0.72) == (july > 0.6)
 
 
 def test_what_cannot_be_compared_is_said_before_anything_is_fitted(tmp_path, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """The sections "What may be missing" and "Looks at the data" of the report, from a plain record."""
 
 import numpy as np
+import pytest
 from findings_example import example
 
 from plantfit.findings import Recording, read_findings
@@ -85,8 +86,8 @@ T = np.arange(400) * 0.1
 Y = np.sin(T)
 
 
-def pictured(kind, begin, end, y=Y, signal: str | None = "y", t=T, times=()):
-    look = Look(kind, "info", "a", signal, ".", begin, end, times=list(times))
+def pictured(kind, begin, end, y=Y, signal: str | None = "y", t=T, times=(), figures=None):
+    look = Look(kind, "info", "a", signal, ".", begin, end, times=list(times), figures=figures or {})
     values = [float(v) if np.isfinite(v) else None for v in y]
     output = {"unit": "V", "measured": values, "simulated": values}
     return look_figure(look, Recording.model_validate({"name": "a", "t": t.tolist(), "outputs": {"y": output}}))
@@ -118,9 +119,37 @@ def test_steps_of_the_clock_are_drawn_and_what_is_no_place_is_not():
     figure = pictured("gaps", 20.0, 23.0, signal=None, t=np.where(T > 20, T + 2.0, T))
     assert figure is not None
     assert max(figure["data"][0]["y"]) == 2.1
-    assert pictured("short", 0.0, 39.9, signal=None) is None
-    assert pictured("feedback", 0.0, 39.9) is None
+    assert pictured("look that failed", 0.0, 39.9) is None
     assert pictured("clipped", 0.0, 1.0, signal="nothing of it") is None
+
+
+@pytest.mark.parametrize(("kind", "seconds", "low", "high", "end", "samples"), [
+    ("short", 39.9, 60.0, 90.0, 60.0, 400), ("sampled slowly", 0.1, 0.001, 0.08, 0.08, 20), ("time unit", 0.1, 0.0001, 0.0008, 0.0008, 20),
+    ("time unit", 39.9, 6000.0, 90000.0, 6000.0, 400),
+])  # fmt: skip
+def test_a_record_is_drawn_beside_the_time_that_the_model_asks_for(kind, seconds, low, high, end, samples):
+    figure = pictured(kind, 0.0, 39.9, signal=None, figures={"seconds": seconds, "low": low, "high": high})
+    assert figure is not None
+    [line], [zone] = figure["data"], figure["layout"]["shapes"]
+    assert (zone["x0"], zone["x1"]) == (0.0, pytest.approx(end))
+    assert len(line["x"]) == samples
+    assert figure["layout"]["xaxis"]["range"][1] == pytest.approx(max(1.05 * end, line["x"][-1]))
+    assert pictured(kind, 0.0, 39.9, signal=None) is None  # of a record without figures
+
+
+def test_what_an_output_tells_of_an_input_is_drawn_beside_what_is_new_in_it():
+    rng = np.random.default_rng(0)
+    y = rng.normal(size=400)
+    u = np.concatenate([[0.0], 2.0 * y[:-1]]) + 0.5 * rng.normal(size=400)  # a controller with noise of its own
+    look = Look("feedback", "warning", "a", "u", ".", 0.0, 39.9, other="y")
+    output = {"unit": "V", "measured": y.tolist(), "simulated": y.tolist()}
+    recording = {"name": "a", "t": T.tolist(), "inputs": {"u": {"unit": "A", "values": u.tolist()}}, "outputs": {"y": output}}
+    figure = look_figure(look, Recording.model_validate(recording))
+    assert figure is not None
+    new, told = (np.array(line["y"], dtype=float) for line in figure["data"])
+    assert np.corrcoef(new, told)[0, 1] > 0.9
+    assert np.std(new - told) == pytest.approx(0.5, rel=0.2)
+    assert look_figure(Look("feedback", "warning", "a", "u", ".", 0.0, 39.9), Recording.model_validate(recording)) is None
 
 
 def test_levels_are_drawn_near():

@@ -72,8 +72,28 @@ def test_a_record_that_begins_with_a_step_is_not_called_restless_before_its_firs
         return [look.kind for look in problem_looks(Problem(model, Experiment(recording, before=before)))]
 
     assert found({"u": 0.0}) == []
-    assert found({}) == ["not at rest"]
+    assert found({}) == []  # a model that begins at 0 moves as well
     assert found({"u": 1.0}) == ["not at rest"]  # said to have been the same before, so that the start is what moves
+
+
+def test_a_model_that_rests_under_its_first_input_beside_a_plant_that_does_not():
+    """The input begins at 1 and stays: said where the model begins in its balance, not where it moves by itself."""
+    n = 600
+    t, noise = 0.05 * np.arange(n), 0.02 * np.random.default_rng(1).normal(size=n)
+    later = np.where(t > 15, 1 - np.exp(-(t - 15) / 2.0), 0.0)
+    recording = Recording(t, {"u": Signal(np.where(t > 15, 2.0, 1.0)), "y": Signal(3.0 - 2.0 * np.exp(-t / 2.0) + later + noise)}, "a")
+
+    def found(equation, initial):
+        model = equations(
+            f"x' = {equation}; y = x", inputs=["u"], states={"x": {"initial": initial}}, outputs=["y"],
+            parameters={"K": {"bounds": (0.1, 10)}, "tau": {"unit": "s", "bounds": (0.02, 20.0)}}, check=False,
+        )  # fmt: skip
+        return [look.kind for look in problem_looks(Problem(model, recording))]
+
+    assert found("(K*(u - 1) - x)/tau", 0.0) == ["not at rest"]  # about an operating point at u = 1
+    assert found("(K*(u - 1) - (x - 3))/tau", 3.0) == ["not at rest"]
+    assert found("(K*u - x)/tau", 0.0) == []
+    assert found("(K*u - x)/tau", 5.0) == []
 
 
 def test_an_input_that_never_moves_is_told_as_what_it_is():

@@ -19,5 +19,7 @@ def inference_draws(answer: Answer, name: str) -> dict[str, str | bytes]:
     how = "Plants that the data allow: drawn from the covariance of the answer" + (
         f", {', '.join(found.open)} evenly over the range that the data leave open." if found.open else "."
     )
+    if found.scatters:
+        how += f" Recordings scatter in {', '.join(found.scatters)}; the plants are those of another recording."
     cost = np.asarray(problem.costs(problem.space.cube(values)))
     return {f"{name}_draws.nc": netcdf_of(problem, Drawn(values[None], {"cost": cost[None]}, how), answer.score("fit"), SEED)}

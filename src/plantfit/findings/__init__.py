@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         FirstValues,
         KnownOther,
         Parameter,
+        Scatter,
         StandardErrors,
     )
     from plantfit.findings.record import Number, Record, Values, array
@@ -72,6 +73,7 @@ __all__ = [
     "Round",
     "Run",
     "SameModel",
+    "Scatter",
     "Score",
     "Sentence",
     "SharedParameter",
@@ -95,7 +97,7 @@ names_of(
     {
         "diagnosis": "Diagnosis Outliers ResidualChange Round Tried",
         "heterogeneity": "AllAtOnce Apart Estimated EstimatedAlone Heterogeneity Moved RecordingAlone SharedParameter",
-        "parameters": "ByNoise Combination Determined DeterminedCombination FirstValues KnownOther Parameter StandardErrors",
+        "parameters": "ByNoise Combination Determined DeterminedCombination FirstValues KnownOther Parameter Scatter StandardErrors",
         "record": "Number Record Values array",
         "recordings": "Input Output Recording Score Weight",
         "residuals": "Cross ResidualTest",

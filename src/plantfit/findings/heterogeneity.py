@@ -54,6 +54,8 @@ class SharedParameter(Record):
     i_squared: Number = None
     between: Number = None
     """The standard deviation between recordings, in the unit."""
+    seen_from: Number = None
+    """The standard deviation between recordings that such recordings tell in 8 of 10 studies, in the unit."""
     differs: bool = False
 
 

@@ -17,6 +17,17 @@ class ByNoise(Record):
     status: Status
 
 
+class Scatter(Record):
+    """Of a parameter that scatters between recordings, or whose interval allows for that."""
+
+    between: Number
+    """Standard deviation between recordings (Paule and Mandel), in the unit; 0 where the recordings agree on this one."""
+    degrees: float
+    """Of freedom of the standard error."""
+    told: bool
+    """Whether recordings disagree; else this one may scatter, though not beyond chance."""
+
+
 class Parameter(Record):
     """One number, or one entry of a table, in `unit`; `low` and `high` are its 95 % interval."""
 
@@ -53,6 +64,8 @@ class Parameter(Record):
     """From, to: over runs of the same cost, where these leave the interval."""
     uncertainty: StatedUncertainty | None = None
     by_noise: ByNoise | None = None
+    """None where recordings agree."""
+    scatter: Scatter | None = None
     """None where recordings agree."""
 
 

@@ -37,8 +37,10 @@ def predict(
     for output, y in predicted.items():
         signals[f"{output}_simulated"] = rec.Signal(y, source.signals[output].unit)
     held: dict[str, float] = {}
+    scatters: list[str] = []
     if share is not None:
-        for output, band in _bands(loaded.name, study, store, problem.experiments[name], share, json).items():
+        found, scatters = _bands(loaded.name, study, store, problem.experiments[name], share, json)
+        for output, band in found.items():
             unit = source.signals[output].unit
             signals |= {f"{output}_low": rec.Signal(band.low, unit), f"{output}_high": rec.Signal(band.high, unit)}
             signals |= {f"{output}_read_low": rec.Signal(band.read_low, unit), f"{output}_read_high": rec.Signal(band.read_high, unit)}
@@ -49,17 +51,22 @@ def predict(
         error = y - source[output]
         scores[output] = float(np.sqrt(np.nanmean(error**2)))
     if json:
-        told = {"bands": {"level": share, "held": held}} if held else {}
+        told = {"bands": {"level": share, "held": held, "scatters": scatters}} if held else {}
         return print_json({"file": str(path), "recording": name, "parameters": named, "rmse": scores, **told})
     for output, rmse in scores.items():
         out.print(f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}", markup=False)
     for output, part in held.items():
         out.print(f"{output}: {100 * part:.3g} % of the readings lie in the band of {100 * (share or 0):g} %.", markup=False)
+    if scatters:
+        which = ", ".join(scatters)
+        out.print(f"Recordings of this plant scatter in {which}: the bands are those of the plant in another recording.", markup=False)
     out.print(f"Written: {path}", markup=False)
 
 
-def _bands(name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool) -> "dict[str, Band]":
-    """Bands of the newest study of that name, or of study `number`, over an experiment."""
+def _bands(
+    name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool
+) -> "tuple[dict[str, Band], list[str]]":
+    """Bands of the newest study of that name, or of study `number`, over an experiment; the parameters that scatter between recordings."""
     from plantfit.reopen import open_study
     from plantfit.study import Store
 
@@ -68,4 +75,6 @@ def _bands(name: str, number: int | None, store: str, experiment: "Experiment", 
     with said_line(quiet=json) as say:
         if say:
             say("drawing plants that the data allow")
-        return open_study(own[-1].id, opened).bands(experiment, level=level)
+        answer = open_study(own[-1].id, opened)
+        scatters = [p["name"] for p in answer.findings["parameters"] if p["scatter"]]
+        return answer.bands(experiment, level=level), scatters

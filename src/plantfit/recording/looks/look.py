@@ -10,7 +10,7 @@ MARKED = 200
 class Look:
     """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s); `write` is the line of
     the study file that treats it, "" where there is none. `level` "info" or "warning". `times` (s) are those of single samples that it is
-    about, MARKED at most."""
+    about, MARKED at most; `other` is a second signal that it is about."""
 
     kind: str
     level: Literal["info", "warning"]
@@ -22,6 +22,7 @@ class Look:
     write: str = ""
     figures: dict[str, int | float | None] = field(default_factory=dict)
     times: list[float] = field(default_factory=list)
+    other: str | None = None
 
     @property
     def record(self) -> dict[str, Any]:

@@ -118,25 +118,33 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
     good = np.isfinite(a) & np.isfinite(b)
     if good.sum() < 20 * LAGS or not good.all() or np.ptp(a) == 0 or np.ptp(b) == 0:
         return None
-    n = len(a) - LAGS
-    own = np.column_stack([np.ones(n), *(a[LAGS - k : len(a) - k] for k in range(1, LAGS + 1))])
-    both = np.column_stack([own, *(b[LAGS - k : len(b) - k] for k in range(1, LAGS + 1))])
-    left = [float(np.sum((a[LAGS:] - m @ np.linalg.lstsq(m, a[LAGS:], rcond=1e-12)[0]) ** 2)) for m in (own, both)]
+    new, told = news_told(a, b)
+    left = [float(np.sum(new**2)), float(np.sum((new - told) ** 2))]
+    free = len(new) - 2 * LAGS - 1
     if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0:
         return None
     share = 1.0 - left[1] / left[0]
     if share < SHARE:
         return None
-    f = share / max(1.0 - share, 1e-300) * (n - both.shape[1]) / LAGS
-    chance = float(scipy.special.fdtrc(LAGS, n - both.shape[1], f))
+    f = share / max(1.0 - share, 1e-300) * free / LAGS
+    chance = float(scipy.special.fdtrc(LAGS, free, f))
     if chance > SURE:
         return None
     return Look(
         "feedback", "warning", recording.name, u,
         f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} seems to be computed from {y} (closed loop), where "
         "noise reaches the input and pulls the parameters. See docs/closed-loop.md, or estimate with a Kalman filter.",
-        float(recording.t[0]), float(recording.t[-1]), figures={"share": share, "chance": chance},
+        float(recording.t[0]), float(recording.t[-1]), figures={"share": share, "chance": chance}, other=y,
     )  # fmt: skip
+
+
+def news_told(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a signal a (n,) what its own past `LAGS` values do not tell, (n - LAGS,), and what of that past values of b (n,) tell."""
+    n = len(a) - LAGS
+    own = np.column_stack([np.ones(n), *(a[LAGS - k : len(a) - k] for k in range(1, LAGS + 1))])
+    both = np.column_stack([own, *(b[LAGS - k : len(b) - k] for k in range(1, LAGS + 1))])
+    by_own, by_both = (m @ np.linalg.lstsq(m, a[LAGS:], rcond=1e-12)[0] for m in (own, both))
+    return a[LAGS:] - by_own, by_both - by_own
 
 
 def _times(times: np.ndarray, at: np.ndarray) -> list[float]:

@@ -6,6 +6,7 @@ from plantfit.findings import Findings, Round, Tried
 from plantfit.recording.looks.look import Look
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings
+from plantfit.report.figures.looks import TIMES
 from plantfit.report.numbers import percent, plus_minus, significant, unit_label
 from plantfit.report.sections.sentences import LEVELS, listed
 from plantfit.report.sections.tables import Table
@@ -46,10 +47,19 @@ def looks(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
     for k, look in enumerate(record.data):
         own = recordings.get(look.recording)
         figure = None if own is None or k >= MOST_LOOKS else figures.look_figure(look, own)
-        label = f"{look.signal or 'The clock'} in {look.recording} where this is."
+        label = f"{_shown(look)} in {look.recording}."
         drawn = None if figure is None else drawings.add(figure, label)
         found.append({**_said(look.level, look.sentence), "where": _where(look), "write": look.write, "figure": drawn})
     return found
+
+
+def _shown(look: Look) -> str:
+    """What the picture of a look shows."""
+    if look.kind in TIMES:
+        return "Samples beside the time that the model asks for"
+    if look.kind == "feedback":
+        return f"What is new in {look.signal} and what {look.other} tells of it"
+    return f"{look.signal or 'The clock'} where this is"
 
 
 def _said(level: str, sentence: str) -> dict[str, Any]:

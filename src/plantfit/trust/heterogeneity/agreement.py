@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate
 from plantfit.trust.heterogeneity.alone import Estimates
-from plantfit.trust.heterogeneity.cochran import LEVEL, Heterogeneity, difference, heterogeneity, holm, pooled, together
+from plantfit.trust.heterogeneity.cochran import LEVEL, Heterogeneity, difference, heterogeneity, holm, pooled, seen_from, together
 from plantfit.trust.heterogeneity.sentences import sentences
 
 TOGETHER = ""  # the test of all parameters at once, beside those by name
@@ -23,7 +23,7 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
      "recordings": [{"name", "samples", "independent", "sound": bool, "rmse_joint", "rmse_alone"}],
      "parameters": [{"name", "unit", "scale": "linear"|"log", "joint": {"value", "standard_error", "low", "high", "status"},
         "alone": [{"recording", "value", "standard_error", "low", "high", "open", "status", "tested": bool}],
-        "q", "degrees", "p", "p_adjusted", "i_squared", "between", "differs": bool}],
+        "q", "degrees", "p", "p_adjusted", "i_squared", "between", "seen_from", "differs": bool}],
      "together": null|{"q", "degrees", "p", "p_adjusted", "differs": bool},
      "apart": [{"recording", "others": [name], "moved": [{"name", "unit", "value", "standard_error", "others", "others_error", "by",
         "share", "p_adjusted", "told": bool}]}],
@@ -31,8 +31,9 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
 
     Parameters are the shared ones; those that the study lets differ are no disagreement. Figures of a test are null where no two recordings
     determine the parameter alone. On a log scale the test is of the logarithm, and "between" the standard deviation in the unit at the
-    joint value. "apart" are recordings without which the others agree, "either" several of which one is. "agree" is null where nothing
-    could be tested. "share" is "by" over the value of the others, null at zero.
+    joint value; "seen_from" is that which would be told in 8 of 10 such studies. "apart" are recordings without which the others agree,
+    "either" several of which one is. "agree" is null where nothing could be tested. "share" is "by" over the value of the others, null
+    at zero.
     """
     shared = {c.name: c for c in problem.space.coordinates if c.recording is None}
     estimates = {n: _tested(c, each) for n, c in shared.items()}
@@ -40,7 +41,7 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
     adjusted = holm(p)
     differ = [n for n in adjusted if adjusted[n] < LEVEL]
-    apart, either = _odd(estimates, each, shared) if differ else ([], [])
+    apart, either = _odd({n: own for n, own in estimates.items() if n in tests}, each, shared, differ) if differ else ([], [])
     one = len(problem.outputs) == 1
     record = {
         "name": problem.name,
@@ -62,7 +63,7 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
                 "scale": "log" if c.log else "linear",
                 "joint": _row(joint.rows[n]),
                 "alone": [{"recording": r, **_row(e.rows[n]), "tested": r in estimates[n]} for r, e in each.items()],
-                **_figures(tests.get(n), adjusted.get(n), c, joint.rows[n]["value"]),
+                **_figures(tests.get(n), adjusted.get(n), c, joint.rows[n]["value"], estimates[n], len(p)),
             }
             for n, c in shared.items()
         ],
@@ -127,18 +128,20 @@ def _covariance(e: Estimates, names: Sequence[str], shared: Mapping[str, Coordin
 
 
 def _least(estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]) -> float:
-    """The least adjusted p-value over all tests; 1 where nothing can be tested."""
+    """The least adjusted p-value over all tests; 0 where nothing is left to test, since that is no agreement."""
     tests, all_at_once = _tests(estimates, each, shared)
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
-    return min(holm(p).values(), default=1.0)
+    return min(holm(p).values(), default=0.0)
 
 
 def _odd(
-    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]
+    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate], differ: Sequence[str]
 ) -> tuple[list[str], list[str]]:
     """The recordings, less than half of all, without which the others agree, taken one after the other; or, where one of several would do,
-    these. None of both where the recordings scatter."""
+    these. None of both where the recordings scatter, or fewer than two of the others tell a parameter that differs."""
     left, gone = list(each), []
+    if any(len(own) < 3 for n, own in estimates.items() if n in differ):
+        return [], []
     while 2 * (len(gone) + 1) < len(each):
         without = {}
         for r in left:
@@ -190,14 +193,20 @@ def _back(c: Coordinate, one: One) -> tuple[float, float]:
     return (float(np.exp(one[0])), float(np.exp(one[0]) * one[1])) if c.log else (float(one[0]), float(one[1]))
 
 
-def _figures(test: Any, adjusted: float | None, c: Coordinate, value: float) -> dict[str, Any]:
+def _figures(
+    test: Heterogeneity | None, adjusted: float | None, c: Coordinate, value: float, own: Mapping[str, One], tests: int
+) -> dict[str, Any]:
     if test is None:
-        return {"q": None, "degrees": None, "p": None, "p_adjusted": None, "i_squared": None, "between": None, "differs": False}
+        return {
+            "q": None, "degrees": None, "p": None, "p_adjusted": None, "i_squared": None, "between": None, "seen_from": None,
+            "differs": False,
+        }  # fmt: skip
     assert adjusted is not None
-    between = test.between * (abs(value) if c.log else 1.0)
+    unit = abs(value) if c.log else 1.0
+    seen = seen_from(np.array([error for _, error, _ in own.values()]), LEVEL / tests)
     return {
-        "q": test.q, "degrees": test.degrees, "p": test.p, "p_adjusted": adjusted, "i_squared": test.i_squared, "between": float(between),
-        "differs": adjusted < LEVEL,
+        "q": test.q, "degrees": test.degrees, "p": test.p, "p_adjusted": adjusted, "i_squared": test.i_squared,
+        "between": float(test.between * unit), "seen_from": float(seen * unit), "differs": adjusted < LEVEL,
     }  # fmt: skip
 
 

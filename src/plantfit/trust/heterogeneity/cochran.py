@@ -12,7 +12,9 @@ import numpy as np
 from scipy import special
 
 LEVEL = 0.05
+POWER = 0.8
 NEWTON = 100  # steps at most
+HALVINGS = 60  # of the scatter that is looked for
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,30 @@ def between(values: np.ndarray, errors: np.ndarray) -> float:
             break
         variance += excess / float(weights**2 @ away**2)
     return variance**0.5
+
+
+def seen_from(errors: np.ndarray, level: float = LEVEL) -> float:
+    """The standard deviation s between recordings that Cochran's Q of estimates with standard errors (k,) tells with a chance of `POWER`.
+
+    Of Q its mean and variance are used, which is exact for equal errors (Satterthwaite).
+    """
+    squares = np.asarray(errors, dtype=float) ** 2
+    weights = 1.0 / squares
+    away = np.diag(weights) - np.outer(weights, weights) / weights.sum()
+    most = float(special.chdtri(len(squares) - 1.0, level))
+
+    def told(s: float) -> float:
+        form = away * (squares + s**2)[None, :]
+        mean, spread = float(np.trace(form)), 2.0 * float(np.sum(form * form.T))
+        return float(special.chdtrc(2.0 * mean**2 / spread, most * 2.0 * mean / spread))
+
+    low, high = 0.0, float(np.sqrt(squares.max()))
+    while told(high) < POWER:
+        high *= 2.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if told(middle) >= POWER else (middle, high)
+    return high
 
 
 def together(values: np.ndarray, covariances: np.ndarray, freedom: np.ndarray) -> tuple[float, float, float]:

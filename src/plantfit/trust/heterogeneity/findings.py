@@ -27,7 +27,7 @@ def heterogeneity_findings(
     The section is None where there is nothing to test: one recording, no parameter that recordings share, no linearised problem (tables,
     over 60 coordinates). The refits take at most the evaluations that the search `spent`, or 1000; with too few nothing is tested.
     """
-    rows = [{**row, "by_noise": None} for row in rows]
+    rows = [{**row, "by_noise": None, "scatter": None} for row in rows]
     shared = any(c.recording is None for c in problem.space.coordinates)
     names, allowed = list(problem.data["drive"]), max(TIMES * spent, FLOOR)
     if len(names) < 2 or not shared or local.linear is None:
@@ -44,7 +44,7 @@ def heterogeneity_findings(
     record = compared(problem, of_all(problem, local, rows, residuals), each)
     kept = {k: v for k, v in record.items() if k not in ("name", "verdict")}
     section = Heterogeneity.model_validate({**_EMPTY, **kept, "state": "tested", "evaluations": taken, "allowed": allowed})
-    return widened(problem, jacobian, local, rows, record), section
+    return widened(problem, residuals, jacobian, local, rows, record), section
 
 
 def withdrawn(rows: Sequence[Row]) -> list[str]:

@@ -1,13 +1,16 @@
 """Intervals of the answer of all recordings that allow for how its parameters scatter between them.
 
-The recordings' parameters p_k are taken as drawn about a mean, with the standard deviations of Paule and Mandel (`cochran.between`), and
-the answer of all is, to first order, the mean sum_k A_k p_k with A_k = (J'J)^-1 J_k'J_k. Its variance about the mean of the plant is that
-of the noise and sum_k A_k T A_k', T the diagonal of the variances between recordings. Student's t has as many degrees of freedom as these
-are known with (Hartung and Knapp, Statistics in Medicine 20 (2001) 3875; Satterthwaite, Biometrics Bulletin 2 (1946) 110). The weights A_k
-are those of least squares, not those that would be best: the value stays the one that is simulated with.
+To first order the answer of all is the sum of what every recording adds to it, c_k = -(J'J)^-1 J_k' r_k, which is A_k (p_k - p) of the
+parameters p_k that it has alone, with A_k = (J'J)^-1 J_k' J_k. The c_k scatter as the recordings do, whatever the reason: the variance of
+the answer about the mean of the plant is the sum of their squares, each over the share of the scatter that is left in it, 1 - 2 a_k +
+sum a^2 (Bell and McCaffrey, Survey Methodology 28 (2002) 169: recordings are the clusters; a_k is the diagonal of A_k). Student's t has
+the degrees of freedom that this sum has for equal scatter, k - 1 where the recordings tell equally much: then it is the interval of
+Hartung and Knapp, Statistics in Medicine 20 (2001) 3875. Nothing is subtracted for the noise, so that recordings that agree on one
+parameter by chance do not look as if they determined it. The value stays that of least squares, the one that is simulated with.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,87 +22,109 @@ from plantfit.trust.intervals.linearised import Local
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import LEVEL, Range
 
-NOTICED = 1.05  # times its standard error from which on an interval is widened
+NOTICED = 1.05  # times its reach from which on an interval is widened
 PRELIMINARY = 0.25  # level of a test that decides whether estimates are pooled (Bancroft, Biometrics 20 (1964) 427)
+ENOUGH = 3  # recordings from which on that level widens: Student's t of two is 6.5 times a normal's, and says nothing
 RCOND = 1e-12  # of the largest singular value: directions below are open
+LEFT = 0.05  # of a recording's scatter: at least so much is taken to be left where it sets a parameter nearly alone
 
 Row = dict[str, Any]
 
 
-def widened(problem: Problem, jacobian: np.ndarray, local: Local, rows: Sequence[Row], record: Mapping[str, Any]) -> list[Row]:
-    """The rows of the findings, those wider that a disagreement of recordings reaches; `record` is that of `agreement.compared`.
+@dataclass(frozen=True)
+class Effects:
+    """What every recording adds to the answer of all: `moves` (k, d) in the cube, each scaled so that the sum of squares is the variance
+    of the answer, and the `degrees` (d,) of freedom of that sum."""
 
-    The derivatives (m, d) are those at the answer. Rows without a standard error stay as they are.
-    """
-    scatter = _scatter(record)
-    if not scatter:
-        return list(rows)
-    names, coordinates = problem.space.names, problem.space.coordinates
-    width = np.array([np.log(c.upper / c.lower) if c.log else c.upper - c.lower for c in coordinates])  # on the scale of the search
-    variance, degrees = np.zeros(len(names)), np.zeros(len(names))
-    moved = [a**2 for a in weights(problem, jacobian, local)]
-    for name, (between, noise, count) in scatter.items():
-        j = names.index(name)
-        felt = np.sum([a[:, j] for a in moved], axis=0) * (width / width[j]) ** 2
-        variance += felt * between**2
-        degrees += (felt * (between**2 + noise**2)) ** 2 / (count - 1.0)
-    return [
-        _wider(row, coordinates[names.index(row["name"])], variance[names.index(row["name"])], degrees[names.index(row["name"])], local)
-        if row["name"] in names and variance[names.index(row["name"])] > 0
-        else row
-        for row in rows
-    ]
+    moves: np.ndarray
+    degrees: np.ndarray
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the answer (d, d), in the cube."""
+        return self.moves.T @ self.moves
 
 
-def weights(problem: Problem, jacobian: np.ndarray, local: Local) -> list[np.ndarray]:
-    """By recording A_k (d, d): by how much the answer of all moves with the parameters of that recording, both in the cube.
-
-    Coordinates that a bound holds do not move.
-    """
+def effects(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, local: Local) -> Effects:
+    """Of the recordings on the answer, from residuals (m,) and derivatives (m, d) there. Coordinates that a bound holds do not move."""
     free = np.array([b is None for b in local.at_bound])
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     j = np.where(free, jacobian / norms, 0.0)
     inverse = np.linalg.pinv(j.T @ j, rcond=RCOND, hermitian=True)
-    return [(inverse @ (j[at].T @ j[at])) * (norms[None, :] / norms[:, None]) for at, _ in own_rows(problem).values()]
+    rows = [at for at, _ in own_rows(problem).values()]
+    added = np.array([-(inverse @ (j[at].T @ residuals[at])) / norms for at in rows])
+    shares = np.array([np.einsum("ij,ji->i", inverse, j[at].T @ j[at]) for at in rows])
+    for i, c in enumerate(problem.space.coordinates):
+        if c.recording is not None:  # its own recording follows the others
+            shares[:, i] = 1.0 / len(rows)
+    left = np.maximum(1.0 - 2.0 * shares + np.sum(shares**2, axis=0), LEFT)
+    return Effects(added / np.sqrt(left), np.array([_degrees(a, r) for a, r in zip(shares.T, left.T, strict=True)]))
 
 
-def _scatter(record: Mapping[str, Any]) -> dict[str, tuple[float, float, int]]:
-    """Of every parameter that may scatter its standard deviation between recordings and by noise, both on the scale of the search, and in
-    how many recordings it is known. Nothing where the recordings agree; where they do not, a parameter needs less evidence."""
-    if record["agree"] is not False:
-        return {}
-    found = {}
-    for p in record["parameters"]:
-        if p["p"] is None or p["p"] > PRELIMINARY:
+def _degrees(shares: np.ndarray, left: np.ndarray) -> float:
+    """Of sum_k a_k^2 e_k^2 / left_k with e_k = x_k - sum a x and x of equal variance (Satterthwaite)."""
+    away = np.eye(len(shares)) - shares[None, :]
+    form = away.T @ (away * (shares**2 / left)[:, None])
+    squares = float(np.sum(form**2))
+    return max(1.0, float(np.trace(form)) ** 2 / squares) if squares > 0 else 1.0
+
+
+def widened(
+    problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, local: Local, rows: Sequence[Row], record: Mapping[str, Any]
+) -> list[Row]:
+    """The rows of the findings, those wider that the scatter of recordings reaches; `record` is that of `agreement.compared`.
+
+    Where recordings disagree on anything, every parameter is; where they do not, with three recordings or more, those are whose own test
+    is below the level of a preliminary one: a scatter of the size of the noise is told too seldom. Residuals (m,) and derivatives (m, d)
+    are those at the answer. Rows without a standard error stay as they are.
+    """
+    tests = {p["name"]: p for p in record["parameters"]}
+    told = record["agree"] is False
+    doubted = [n for n, p in tests.items() if p["p"] is not None and p["p"] <= PRELIMINARY and len(_tested(p)) >= ENOUGH]
+    if not told and not doubted:
+        return list(rows)
+    found, names, coordinates = effects(problem, residuals, jacobian, local), problem.space.names, problem.space.coordinates
+    errors = np.sqrt(np.diag(found.covariance))
+    made = []
+    for row in rows:
+        name = row["name"]
+        if name not in names or not (told or name in doubted):
+            made.append(row)
             continue
-        alone = [a for a in p["alone"] if a["tested"]]
-        noise = [a["standard_error"] / (abs(a["value"]) if p["scale"] == "log" else 1.0) for a in alone]
-        between = p["between"] / (abs(p["joint"]["value"]) if p["scale"] == "log" else 1.0)
-        if between > 0:
-            found[p["name"]] = between, float(np.sqrt(np.mean(np.square(noise)))), len(alone)
-    return found
+        i = names.index(name)
+        c = coordinates[i]
+        error = errors[i] * (np.log(c.upper / c.lower) if c.log else c.upper - c.lower)  # on the scale of the search
+        between = tests[name]["between"] if name in tests and tests[name]["between"] is not None else 0.0
+        made.append(_wider(row, c, error, found.degrees[i], {"between": between, "degrees": float(found.degrees[i]), "told": told}, local))
+    return made
 
 
-def _wider(row: Row, coordinate: Any, variance: float, degrees: float, local: Local) -> Row:
+def _tested(parameter: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [a for a in parameter["alone"] if a["tested"]]
+
+
+def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Row, local: Local) -> Row:
     """The row with a standard error and an interval that hold for the mean of the recordings."""
     value, error = row["value"], row["standard_error"]
     if error is None or row["status"] not in ("determined", "weak") or row.get("open"):
         return row
     unit = value if coordinate.log else 1.0
-    total = float(np.hypot(error / unit, variance**0.5))
-    if total < NOTICED * error / unit:
-        return row
-    quantile = float(stdtrit(max(1.0, total**4 / degrees), 0.5 + LEVEL / 2))
-    reach = quantile * total
+    quantile = float(stdtrit(degrees, 0.5 + LEVEL / 2))
+    reach = quantile * spread
     ends = (value * np.exp(-reach), value * np.exp(reach)) if coordinate.log else (value - reach, value + reach)
     least, most = coordinate.limits
     low, high = float(max(least, min(ends[0], row["low"]))), float(min(most, max(ends[1], row["high"])))
+    if high - low < NOTICED * (row["high"] - row["low"]):
+        return {**row, "scatter": scatter} if scatter["between"] > 0 else row  # another recording is farther off than the mean
     assert local.linear is not None
     status = judged(coordinate, value, Range(low, high), local.linear.sound)
     # an interval that reaches all that is possible is not the same as data that say nothing
-    wider = {"standard_error": total * unit, "low": low, "high": high, "status": "weak" if status == "flat" else status}
+    wider = {"standard_error": float(max(error, spread * unit)), "low": low, "high": high, "status": "weak" if status == "flat" else status}
     before = {k: row[k] for k in wider}
-    return {**row, **wider, "by_noise": before, "uncertainty": _stated(row.get("uncertainty"), value, unit * variance**0.5, quantile)}
+    return {
+        **row, **wider, "by_noise": before, "scatter": scatter,
+        "uncertainty": _stated(row.get("uncertainty"), value, unit * spread, quantile),
+    }  # fmt: skip
 
 
 def _stated(uncertainty: Row | None, value: float, between: float, quantile: float) -> Row | None:
@@ -109,3 +134,6 @@ def _stated(uncertainty: Row | None, value: float, between: float, quantile: flo
     noise, combined = (float(np.hypot(uncertainty[k], between)) for k in ("noise", "combined"))
     low, high = (float(np.hypot(value - uncertainty[k], quantile * between)) for k in ("low", "high"))
     return {**uncertainty, "noise": noise, "combined": combined, "low": value - low, "high": value + high}
+
+
+__all__ = ["Effects", "effects", "widened"]

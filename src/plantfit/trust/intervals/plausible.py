@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri, stdtrit
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.heterogeneity.widened import effects
+from plantfit.trust.intervals.linearised import Local, linearise
+from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
 WIDE = 0.5  # of a value: a standard error above it is drawn over the followed range, where a bell would leave it
@@ -20,21 +23,27 @@ LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which
 @dataclass(frozen=True)
 class Plausible:
     """`values` (n, d) in the parameters' units, the answer itself first; `open` names what was drawn over its range, `accepted` is the
-    share of those draws whose cost the data allow (1 where nothing is open)."""
+    share of those draws whose cost the data allow (1 where nothing is open); `scatters` what also differs between recordings."""
 
     names: tuple[str, ...]
     values: np.ndarray
     open: tuple[str, ...]
     accepted: float
+    scatters: tuple[str, ...] = ()
 
 
-def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], count: int, seed: int = 1) -> Plausible:
+def plausible(
+    problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], count: int, seed: int = 1, within: bool = False
+) -> Plausible:
     """`count` draws around the cube point z (d,) and z itself; `rows` are the parameters of the findings at z.
 
     What has a standard error is drawn from a normal distribution with the correlations of the linearised problem, in logarithms where the
-    search is in logarithms; stated errors of instruments widen it. What has none, or one above half of its value, is drawn
-    evenly over the range of the findings, all others moved with it as the linearised problem says, and a draw is kept where its cost is
-    one that draws of the determined parts have too. Physical limits cut both. Raises SearchError where hardly a draw is left.
+    search is in logarithms; stated errors of instruments widen it. Where recordings of the plant scatter, the draws are of the plant in
+    another recording: the scatter is added, with its own correlations, and the tails are those of Student's t of so few recordings; with
+    `within` they are cut where 95 % of each parameter lie. What has no standard error, or one above half of its
+    value, is drawn evenly over the range of the findings, all others moved with it as the linearised problem says, and a draw is kept
+    where its cost is one that draws of the determined parts have too. Physical limits cut both. Raises SearchError where hardly a draw
+    is left.
     """
     space, rng = problem.space, np.random.default_rng(seed)
     own = {r["name"]: r for r in rows}
@@ -42,7 +51,7 @@ def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]]
     log = space.log & (values > 0)
     size = np.where(log, values, 1.0)  # of a move of 1 in the coordinate that is drawn
     local = linearise(problem, z)
-    error, wide = np.zeros(len(values)), np.zeros(len(values), bool)
+    error, wide, between, degrees = np.zeros(len(values)), np.zeros(len(values), bool), np.zeros(len(values)), np.full(len(values), np.inf)
     low, high = values.copy(), values.copy()
     for i, (name, c) in enumerate(zip(space.names, space.coordinates, strict=True)):
         row = own.get(name, {})
@@ -50,25 +59,39 @@ def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]]
         sd = stated.get("combined") or row.get("standard_error")
         low[i] = c.lower if row.get("low") is None else row["low"]
         high[i] = c.upper if row.get("high") is None else row["high"]
-        wide[i] = sd is None or not np.isfinite(sd) or row.get("open") is not None or (log[i] and sd > WIDE * abs(values[i]))
+        scatter = row.get("scatter")
+        bent = log[i] and sd is not None and sd > WIDE * abs(values[i]) and not scatter
+        wide[i] = sd is None or not np.isfinite(sd) or row.get("open") is not None or bent
         error[i] = 0.0 if wide[i] or sd is None else float(sd)
+        if scatter and not wide[i]:
+            between[i], degrees[i] = scatter["between"], scatter["degrees"]
     error = error / size
-    spread = _spread(local.covariance / size[:, None] / size[None, :], error)
+    scatters = np.isfinite(degrees)
+    own_covariance = local.covariance
+    if np.any(scatters):
+        own_covariance = own_covariance + scatter_covariance(problem, z, local)
+        error = np.hypot(error, between / size)
+    spread = _spread(own_covariance / size[:, None] / size[None, :], error)
     limits = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
     follow = _followers(problem, z, size, wide)
     least = np.where(log & (low <= 0), 1e-3 * values, low)
     here, *ends = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, high))
     limits = np.where(wide[:, None], np.stack([np.maximum(low, limits[:, 0]), np.minimum(high, limits[:, 1])], axis=1), limits)
+    farthest = np.where(scatters & within, stdtrit(degrees, 0.5 + LEVEL / 2) * error, np.inf)  # of a move
 
     def drawn(n: int, with_open: bool) -> np.ndarray:
         move = rng.standard_normal((n, len(values))) @ spread.T
+        if np.any(scatters):
+            few = np.where(scatters, degrees, 1.0)
+            tails = np.sqrt(few / chdtri(few, rng.uniform(size=(n, 1))))  # Student's t of several variables, each with its own degrees
+            move = np.where(scatters, move * tails, move)
         if with_open and np.any(wide):
             place = ends[0] + rng.uniform(size=(n, len(values))) * (ends[1] - ends[0])
             leads = rng.uniform(size=(n, len(values))) < 1.0 / np.sum(wide)
             leads[np.arange(n), rng.choice(np.flatnonzero(wide), n)] = True
             move = move + np.where(wide & leads, place - here, 0.0) @ follow.T
         found = np.where(log, values * np.exp(np.clip(move, -50, 50)), values + move)
-        inside = np.all((found >= limits[:, 0]) & (found <= limits[:, 1]), axis=1)
+        inside = np.all((found >= limits[:, 0]) & (found <= limits[:, 1]) & (np.abs(move) <= farthest), axis=1)
         return found[inside]
 
     kept, tried = np.zeros((0, len(values))), 0
@@ -89,8 +112,19 @@ def plausible(problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]]
         )
     accepted = min(1.0, len(kept) / tried) if np.any(wide) else 1.0
     return Plausible(
-        space.names, np.concatenate([values[None], kept[:count]]), tuple(n for n, w in zip(space.names, wide, strict=True) if w), accepted
+        space.names,
+        np.concatenate([values[None], kept[:count]]),
+        tuple(n for n, w in zip(space.names, wide, strict=True) if w),
+        accepted,
+        tuple(n for n, s in zip(space.names, scatters, strict=True) if s),
     )
+
+
+def scatter_covariance(problem: Problem, z: np.ndarray, local: Local) -> np.ndarray:
+    """How the answer z (d,) of all recordings moves with them: a covariance (d, d) in the units of the parameters."""
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, np.asarray(z))
+    slopes = np.asarray(problem.space.slopes(np.asarray(z)))
+    return effects(problem, residuals, jacobian, local).covariance * np.outer(slopes, slopes)
 
 
 def _few(names: Sequence[str], which: np.ndarray) -> str:

@@ -1,6 +1,7 @@
 """Recordings against the model: length and period against the bounds of its times, feedback, and rest at the start."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units tha
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
 FAR = 10.0  # times a bound: not sampled badly, but in another unit
 RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
+SHARES = (0.31, 0.64)  # of the box: where a model is looked at for what holds whatever its parameters are
+STILL = 1e-3  # of a state: a model that moves less during the samples at rest is at rest itself
 
 
 def problem_looks(problem: Problem) -> list[Look]:
@@ -39,7 +42,7 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += looks_of_packages(recording, signal, measured)
         found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
         found += _times(problem, recording)
-        if not any(_steps_at_start(e, model, u) for u in e.before):
+        if not any(_steps_at_start(e, model, u) for u in e.before) and (set(model.inputs) <= set(e.before) or _begins_at_rest(problem, e)):
             found += _start(problem, model, recording)
     return found
 
@@ -127,17 +130,41 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             )  # fmt: skip
 
 
+def _begins_at_rest(problem: Problem, e: Experiment) -> bool:
+    """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells that outputs do."""
+    model, recording = problem.model, e.recording
+    if model.derivative is None:
+        return False
+    moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
+    seconds = float(recording.t[min(moves, default=len(recording)) - 1] - recording.t[0])
+    for p, x in _beginnings(problem, model, recording):
+        u = _first_inputs(model, recording)
+        late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
+        rates = model.derivative(x, u | late, p)
+        if any(abs(float(rates[s])) * seconds > STILL * abs(float(x[s])) for s in model.states):
+            return False
+    return True
+
+
+def _first_inputs(model: Model, recording: Recording) -> dict[str, float]:
+    return {u: recording[u][0] for u in model.inputs} | {"t": recording.t[0]}
+
+
+def _beginnings(problem: Problem, model: Model, recording: Recording) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
+    """Parameters and initial values of the states at two places of the box, where outputs are measured as differently."""
+    space = problem.space
+    for share in SHARES:
+        p = space.tree(np.asarray(space.physical(np.full(space.dimension, share))), recording.name)
+        if model.initial_state is None:
+            yield p, dict.fromkeys(model.states, 0.0)
+        else:
+            yield p, dict(model.initial_state(p, _first_inputs(model, recording), dict.fromkeys(model.outputs, share)))
+
+
 def _fixed_states(problem: Problem, model: Model, recording: Recording) -> list[str]:
     """States whose initial value depends on no free parameter and on nothing measured."""
-    if model.initial_state is None:
-        return list(model.states)
-    begin, space = model.initial_state, problem.space
-    u0 = {u: recording[u][0] for u in model.inputs} | {"t": recording.t[0]}
-    values = []
-    for share in (0.31, 0.64):
-        p = space.tree(np.asarray(space.physical(np.full(space.dimension, share))), recording.name)
-        values.append(begin(p, u0, dict.fromkeys(model.outputs, share)))
-    return [s for s in model.states if float(values[0][s]) == float(values[1][s])]
+    one, other = (x for _, x in _beginnings(problem, model, recording))
+    return [s for s in model.states if float(one[s]) == float(other[s])]
 
 
 __all__ = ["problem_looks"]

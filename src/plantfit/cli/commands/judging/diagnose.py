@@ -82,7 +82,7 @@ def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
     with progress_line(json) as tell:
         answer = fit(
             study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
-            settings=search.settings.get(search.methods[0]), progress=tell,
+            settings=search.settings.get(search.methods[0]), shooting=study.table.search.shooting, progress=tell,
         )  # fmt: skip
     with said_line(json) as say:
         return tried(answer.problem, answer.best.x, progress=say, only=only or None)
