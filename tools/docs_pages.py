@@ -22,6 +22,7 @@ from pictures import pictures
 from verdict_pictures import pictures as verdict_pictures
 
 from plantfit.findings import findings_schema
+from plantfit.findings.results.all_results import RESULTS, result_schema
 from plantfit.spec.tables import json_schema
 
 
@@ -33,6 +34,7 @@ def on_files(files: Files, config: Any) -> Files:
         "reference/python.md": python_page(),
         "reference/study-file-keys.md": keys_page(),
         "reference/findings.md": findings_page(),
+        "reference/results.md": results_page(),
         "reference/changes.md": relinked((ROOT / "CHANGELOG.md").read_text("utf-8"), "../"),
         "reference/study-file.schema.json": json.dumps(json_schema(), indent=1),
         "reference/findings.schema.json": json.dumps(findings_schema(), indent=1),
@@ -172,14 +174,33 @@ def findings_page() -> str:
         "`plantfit.findings.read_findings(record)` checks a record and gives it with attributes. There is a\n"
         "[JSON schema](findings.schema.json), which `plantfit schema --findings` prints too.\n"
     )
-    for name, record in {"Findings": found, **found["$defs"]}.items():
-        rows = [
-            f"| `{key}` | {_cell(_kind(value, ''))} | {_cell(_escaped(value.get('description', '')))} |"
-            for key, value in record.get("properties", {}).items()
-        ]
-        text += f"\n## {name}\n\n{_escaped(record.get('description', ''))}\n\n| key | type | meaning |\n|---|---|---|\n"
-        text += "\n".join(rows) + "\n"
-    return text
+    return text + "".join(_record_table(name, record) for name, record in {"Findings": found, **found["$defs"]}.items())
+
+
+def results_page() -> str:
+    """Keys, types and meanings of what other commands print, from their records."""
+    rows, tables = "", {}
+    for command, record in RESULTS.items():
+        schema = result_schema(command)
+        rows += f"| `plantfit {command} --json` | [{record.__name__}](#{record.__name__.lower()}) |\n"
+        tables |= {record.__name__: schema, **schema["$defs"]}
+    text = (
+        "# The results of other commands\n\nWhat commands beside `run` print with `--json`, and what `record` of their results holds in\n"
+        "Python; `typed` is the same with attributes. None stands for what is not known and for what is not finite. `plantfit schema --of\n"
+        f"COMMAND` prints the JSON schema of one. Those of a fit are\n[the findings](findings.md).\n\n"
+        f"| command | record |\n|---|---|\n{rows}"
+    )
+    return text + "".join(_record_table(name, tables[name]) for name in tables)
+
+
+def _record_table(name: str, record: dict[str, Any]) -> str:
+    """A section on one record."""
+    rows = [
+        f"| `{key}` | {_cell(_kind(value, ''))} | {_cell(_escaped(value.get('description', '')))} |"
+        for key, value in record.get("properties", {}).items()
+    ]
+    head = f"\n## {name}\n\n{_escaped(record.get('description', ''))}\n\n| key | type | meaning |\n|---|---|---|\n"
+    return head + "\n".join(rows) + "\n"
 
 
 WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "none"}

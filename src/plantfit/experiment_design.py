@@ -10,6 +10,8 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import ModelError, SpecError
+from plantfit.findings.record import Values
+from plantfit.findings.results.next_experiment import DesignedInput, ErrorsAfter, NextExperiment, OutputWithoutLimit, SignalLimit
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
@@ -32,7 +34,8 @@ Range = tuple[float | str | None, float | str | None]
 
 @dataclass(frozen=True, eq=False)
 class ExperimentDesign:
-    """A designed input: `recording` holds the inputs to play, `record` all figures as JSON types, `verdict` its sentences."""
+    """A designed input: `recording` holds the inputs to play, `typed` all figures, `record` the same as JSON types, `verdict` its
+    sentences."""
 
     answer: Answer
     goal: Precision | Difference
@@ -46,44 +49,49 @@ class ExperimentDesign:
         """Times (N,) in s."""
         return self.recording.t
 
-    @cached_property
+    @property
     def record(self) -> dict[str, Any]:
+        """Everything but the signals, as JSON types."""
+        return self.typed.plain()
+
+    @cached_property
+    def typed(self) -> NextExperiment:
         """Everything but the signals (docs/next-experiment.md)."""
         one = self._one
         trial, model = one.trial, one.trial.model
         told = trial.told(self.found.best.u)
-        figures: dict[str, Any] = {"parameters": self._rows(told)}
+        figures: dict[str, Any] = {}
         if isinstance(self.goal, Difference):
             figures["distance"] = self.goal.distance(told, self.goal.other.trial.told(self.found.best.u))
             figures["against"] = self.against.problem.name if self.against else None
-        signals = {n: [float(np.min(y)), float(np.max(y))] for n, y in told.signals.items()}
-        seen = {n: list(_seen(trial.problem, n)) for n in model.outputs if n not in self.limits.signals}
-        record = {
-            "name": self.answer.problem.name,
-            "samples": len(self.t),
-            "period": float(np.median(np.diff(self.t))),
-            "seconds": float(np.median(np.diff(self.t))) * len(self.t),
-            "inputs": [
-                {"name": n, "unit": u, "low": float(self.limits.low[k]), "high": float(self.limits.high[k]),
-                 "slew": _finite(self.limits.slew[k])}
+        signals: dict[str, Values] = {n: [float(np.min(y)), float(np.max(y))] for n, y in told.signals.items()}
+        seen: dict[str, Values] = {n: list(_seen(trial.problem, n)) for n in model.outputs if n not in self.limits.signals}
+        made = NextExperiment(
+            name=self.answer.problem.name,
+            samples=len(self.t),
+            period=float(np.median(np.diff(self.t))),
+            seconds=float(np.median(np.diff(self.t))) * len(self.t),
+            inputs=[
+                DesignedInput(name=n, unit=u, low=float(self.limits.low[k]), high=float(self.limits.high[k]), slew=self.limits.slew[k])
                 for k, (n, u) in enumerate(model.inputs.items())
             ],
-            "limits": {n: {"low": _finite(lo), "high": _finite(hi), "reached": signals[n], "unit": _unit_of(model, n)}
-                       for n, (lo, hi) in self.limits.signals.items()},
-            "outputs": [{"name": n, "unit": model.outputs[n], "seen": s, "reached": signals[n]} for n, s in seen.items()],
-            "criterion": "difference" if isinstance(self.goal, Difference) else one.criterion,
-            "chosen": [trial.problem.space.names[i] for i in np.flatnonzero(one.chosen)] if not np.all(one.chosen) else [],
-            "plants": len(trial.plants),
-            "noise": dict(trial.noise),
-            "inflation": one.inflation,
-            "kind": self.found.best.kind,
-            "shape": self.found.best.name,
-            "compared": list(gains(self.goal, self.found)),
-            "tried": self.found.tried,
+            limits={n: SignalLimit(low=lo, high=hi, reached=signals[n], unit=_unit_of(model, n))
+                    for n, (lo, hi) in self.limits.signals.items()},
+            outputs=[OutputWithoutLimit(name=n, unit=model.outputs[n], seen=s, reached=signals[n]) for n, s in seen.items()],
+            criterion="difference" if isinstance(self.goal, Difference) else "A" if one.criterion == "A" else "D",
+            chosen=[trial.problem.space.names[i] for i in np.flatnonzero(one.chosen)] if not np.all(one.chosen) else [],
+            plants=len(trial.plants),
+            noise=dict(trial.noise),
+            inflation=one.inflation,
+            kind=self.found.best.kind,
+            shape=self.found.best.name,
+            compared=gains(self.found),
+            tried=self.found.tried,
+            parameters=self._rows(told),
             **figures,
-        }  # fmt: skip
+        )  # fmt: skip
         say = difference_sentences if isinstance(self.goal, Difference) else precision_sentences
-        return record | {"verdict": say(record)}
+        return made.having(verdict=say(made))
 
     @property
     def verdict(self) -> list[dict[str, str]]:
@@ -94,7 +102,7 @@ class ExperimentDesign:
     def _one(self) -> Precision:
         return self.goal if isinstance(self.goal, Precision) else self.goal.one
 
-    def _rows(self, told: Any) -> list[dict[str, Any]]:
+    def _rows(self, told: Any) -> list[ErrorsAfter]:
         """Standard errors of each parameter: now, with the new recording beside the old ones, and with it alone."""
         one, space = self._one, self._one.trial.problem.space
         now = {r["name"]: r["standard_error"] for r in self.answer.findings["parameters"]}
@@ -106,9 +114,11 @@ class ExperimentDesign:
             value, width = abs(float(one.trial.plants[0][i])), c.upper - c.lower
             size = max(value, c.typical, width / 4 if c.lower < 0 < c.upper else 0.0)
             rows.append(
-                {"name": c.name, "unit": c.unit, "value": float(one.trial.plants[0][i]), "now": _number(now.get(c.name)),
-                 "then": _number(then[k], width), "worst": _number(worst[k], width), "alone": _number(alone[k], width),
-                 "open": bool(then[k] > OPEN * size)}
+                ErrorsAfter(
+                    name=c.name, unit=c.unit, value=float(one.trial.plants[0][i]), now=_number(now.get(c.name)),
+                    then=_number(then[k], width), worst=_number(worst[k], width), alone=_number(alone[k], width),
+                    open=bool(then[k] > OPEN * size),
+                )
             )  # fmt: skip
         return rows
 
@@ -119,9 +129,9 @@ class ExperimentDesign:
         return {o: told.course[0][k * n : (k + 1) * n] * trial.noise[o] for k, o in enumerate(trial.problem.model.outputs)}
 
     def __repr__(self) -> str:
-        r = self.record
-        head = f"Input of {r['seconds']:g} s for {r['name']}: {', '.join(i['name'] for i in r['inputs'])}"
-        return "\n".join([head, *(f"  {v['level']}: {v['sentence']}" for v in self.verdict)])
+        r = self.typed
+        head = f"Input of {r.seconds:g} s for {r.name}: {', '.join(i.name for i in r.inputs)}"
+        return "\n".join([head, *(f"  {v.level}: {v.sentence}" for v in r.verdict)])
 
 
 def design(
@@ -354,10 +364,6 @@ def _unit_of(model: Model, name: str) -> str | None:
         return model.outputs[name]
     state: Any = model.states[name]
     return getattr(state, "unit", state)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _number(value: float | None, width: float = np.inf) -> float | None:

@@ -11,6 +11,14 @@ from scipy.special import ndtri
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import PlantfitError, SpecError
+from plantfit.findings.results.intervals_compared import (
+    BootstrapOfIntervals,
+    ComparisonOfIntervals,
+    IntervalsOfParameter,
+    KindOfInterval,
+    PosteriorOfIntervals,
+)
+from plantfit.findings.results.result import Result
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
@@ -35,19 +43,13 @@ VERDICTS = 0.95  # level of the verdict's own intervals
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class IntervalsCompared:
-    """What `compare_intervals` found. `record` is plain; `profiles` by parameter, `refits` and `draws` are there where asked for."""
+class IntervalsCompared(Result[ComparisonOfIntervals]):
+    """What `compare_intervals` found; `profiles` by parameter, `refits` and `draws` are there where asked for."""
 
     answer: Answer
-    record: Mapping[str, Any]
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     refits: Bootstrap | None = None
     draws: Draws | None = None
-
-    @property
-    def verdict(self) -> str:
-        """The sentences as lines of text."""
-        return "\n".join(f"{v['level']:>8}: {v['sentence']}" for v in self.record["verdict"])
 
     def to_frame(self) -> "pl.DataFrame":
         """A polars data frame, a row for each parameter and kind: parameter, unit, value, kind, low, high, open_low, open_high (whether a
@@ -55,9 +57,9 @@ class IntervalsCompared:
         import polars as pl
 
         rows = [
-            {"parameter": p["name"], "unit": p["unit"], "value": p["value"],
-             **{n: k[n] for n in ("kind", "low", "high", "open_low", "open_high")}}
-            for p in self.record["parameters"] for k in p["kinds"]
+            {"parameter": p.name, "unit": p.unit, "value": p.value, "kind": k.kind, "low": k.low, "high": k.high, "open_low": k.open_low,
+             "open_high": k.open_high}
+            for p in self.typed.parameters for k in p.kinds
         ]  # fmt: skip
         return pl.DataFrame(rows, schema_overrides={"unit": pl.String, "low": pl.Float64, "high": pl.Float64})
 
@@ -70,20 +72,17 @@ class IntervalsCompared:
             raise PlantfitError("There are no draws to save; ask for the posterior.")
         stats = {"lp": self.draws.log_density, "diverging": self.draws.diverging.astype(np.int8)}
         drawn = Drawn(self.draws.values, stats, "The posterior, by NUTS.")
-        Path(path).write_bytes(netcdf_of(self.answer.problem, drawn, self.answer.score("fit"), self.record["seed"]))
+        Path(path).write_bytes(netcdf_of(self.answer.problem, drawn, self.answer.score("fit"), self.typed.seed))
         return Path(path)
 
     def report(self, path: str | Path) -> Path:
         """Write the page with every interval, profile and histogram. Raises StoreError."""
-        return write_case_page(intervals_page(self.record), path)
+        return write_case_page(intervals_page(self.typed), path)
 
     def table(self) -> str:
         """Intervals as text."""
-        head, rows = interval_rows(self.record)
+        head, rows = interval_rows(self.typed)
         return columns(head, rows, range(1, len(head)))
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.verdict}"
 
 
 def compare_intervals(
@@ -130,24 +129,24 @@ def compare_intervals(
         profiles[space.names[i]] = profile(problem, z, space.names[i], level)
     say("comparing")
     rows = {r["name"]: r for r in answer.findings["parameters"]}
-    record: dict[str, Any] = {
-        "name": problem.name,
-        "level": level,
-        "seed": seed,
-        "parameters": [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused) for i in places],
-        "bootstrap": None if found is None else _bootstrap_record(answer, found, replicates),
-        "posterior": None if drawn is None else {
-            "chains": chains, "draws": draws, "orders": orders, "diverged": int(drawn.diverging.sum()),
-            "priors": {space.names[k]: list(p) for k, p in given.items()},
-            "r_hat": {space.names[i]: float(drawn.r_hat[i]) for i in range(space.dimension)},
-            "effective": {space.names[i]: float(drawn.effective[i]) for i in range(space.dimension)},
-        },
-        "refused": refused,
-    }  # fmt: skip
+    compared = [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused) for i in places]
     if answer.errors:
-        record["refused"]["errors"] = "Stated errors of instruments are in the verdict's intervals alone."
-    record["verdict"] = interval_sentences(record)
-    return IntervalsCompared(answer, record, profiles, found, drawn)
+        refused["errors"] = "Stated errors of instruments are in the verdict's intervals alone."
+    made = ComparisonOfIntervals(
+        name=problem.name,
+        level=level,
+        seed=seed,
+        parameters=compared,
+        bootstrap=None if found is None else _bootstrap_record(answer, found, replicates),
+        posterior=None if drawn is None else PosteriorOfIntervals(
+            chains=chains, draws=draws, orders=orders, diverged=int(drawn.diverging.sum()),
+            priors={space.names[k]: list(p) for k, p in given.items()},
+            r_hat={space.names[i]: float(drawn.r_hat[i]) for i in range(space.dimension)},
+            effective={space.names[i]: float(drawn.effective[i]) for i in range(space.dimension)},
+        ),
+        refused=refused,
+    )  # fmt: skip
+    return IntervalsCompared(made.having(verdict=interval_sentences(made)), answer, profiles, found, drawn)
 
 
 def check_wishes(kinds: Sequence[str], level: float, replicates: int, chains: int, draws: int) -> None:
@@ -193,12 +192,12 @@ def _counted(say: Callable[[str], None], what: str) -> Callable[[int, int], None
 def _row(
     answer: Answer, z: np.ndarray, i: int, rows: Mapping[str, Any], kinds: Sequence[str], level: float, profiles: Mapping[str, Profile],
     found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str],
-) -> dict[str, Any]:  # fmt: skip
+) -> IntervalsOfParameter:  # fmt: skip
     """All intervals of one coordinate."""
     problem = answer.problem
     c, value = problem.space.coordinates[i], float(np.asarray(problem.space.physical(z))[i])
     own = rows[c.name]
-    all_of: list[dict[str, Any]] = []
+    all_of: list[KindOfInterval] = []
     if abs(level - VERDICTS) < 1e-9:
         all_of.append(_kind("verdict", own["low"], own["high"], c))
     for kind in kinds:
@@ -208,8 +207,8 @@ def _row(
             all_of.append(_kind(kind, None if half is None else value - half, None if half is None else value + half, None))
         elif kind == "profile" and c.name in profiles:
             p = profiles[c.name]
-            points = {"points": p.points.tolist(), "excess": p.excess.tolist(), "threshold": p.threshold}
-            all_of.append(_kind(kind, p.low, p.high, None) | {"open_low": p.at_lower, "open_high": p.at_upper} | points)
+            more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
+            all_of.append(_kind(kind, p.low, p.high, None, open_low=p.at_lower, open_high=p.at_upper, **more))
         elif kind == "bootstrap" and found is not None and len(found.values) > 1:
             refits = found.values[:, i]
             ends = percentiles(refits, value, level, (c.lower, c.upper))
@@ -217,31 +216,31 @@ def _row(
                 refused[f"bootstrap of {c.name}"] = f"Refits leave {c.name} on its bound, so the bootstrap has no interval of it."
                 all_of.append(_kind(kind, None, None, None))
                 continue
-            all_of.append(_kind(kind, *ends, c) | {"sample": _thinned(refits)})
+            all_of.append(_kind(kind, *ends, c, sample=_thinned(refits)))
         elif kind == "posterior" and drawn is not None:
             sample = drawn.values[:, :, i].ravel()
             low, high = np.quantile(sample, [0.5 - level / 2, 0.5 + level / 2])
-            all_of.append(_kind(kind, float(low), float(high), c) | {"sample": _thinned(sample), "median": float(np.median(sample))})
-    return {
-        "name": c.name,
-        "unit": c.unit,
-        "value": value,
-        "standard_error": own["standard_error"],
-        "status": own["status"],
-        "scatters": own["by_noise"] is not None,
-        "kinds": all_of,
-    }
+            all_of.append(_kind(kind, float(low), float(high), c, sample=_thinned(sample), median=float(np.median(sample))))
+    return IntervalsOfParameter(
+        name=c.name,
+        unit=c.unit,
+        value=value,
+        standard_error=own["standard_error"],
+        status=own["status"],
+        scatters=own["by_noise"] is not None,
+        kinds=all_of,
+    )
 
 
-def _kind(kind: str, low: float | None, high: float | None, c: Coordinate | None) -> dict[str, Any]:
+def _kind(kind: str, low: float | None, high: float | None, c: Coordinate | None, **more: Any) -> KindOfInterval:
     """An interval; an end within a thousandth of the box from a bound (of c) is open."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
-        return {"kind": kind, "low": None, "high": None, "open_low": False, "open_high": False}
-    edge = EDGE * (c.upper - c.lower) if c is not None else 0.0
-    return {
-        "kind": kind, "low": float(low), "high": float(high), "open_low": c is not None and bool(low <= c.lower + edge),
-        "open_high": c is not None and bool(high >= c.upper - edge),
-    }  # fmt: skip
+        ends: dict[str, Any] = {"low": None, "high": None, "open_low": False, "open_high": False}
+    else:
+        edge = EDGE * (c.upper - c.lower) if c is not None else 0.0
+        ends = {"low": float(low), "high": float(high), "open_low": c is not None and bool(low <= c.lower + edge),
+                "open_high": c is not None and bool(high >= c.upper - edge)}  # fmt: skip
+    return KindOfInterval.model_validate({"kind": kind, **ends, **more})
 
 
 def _thinned(sample: np.ndarray) -> list[float]:
@@ -249,7 +248,7 @@ def _thinned(sample: np.ndarray) -> list[float]:
     return [float(f"{v:.6g}") for v in sample[:: max(1, len(sample) // 4000)]]
 
 
-def _bootstrap_record(answer: Answer, found: Bootstrap, replicates: int) -> dict[str, Any]:
+def _bootstrap_record(answer: Answer, found: Bootstrap, replicates: int) -> BootstrapOfIntervals:
     lengths = {o: max(len(i[o]) for i in answer.problem.data["index"].values()) for o in found.block}
-    return {"replicates": replicates, "lost": found.lost, "block": found.block,
-            "blocks": {o: int(n // found.block[o]) for o, n in lengths.items()}}  # fmt: skip
+    blocks = {o: int(n // found.block[o]) for o, n in lengths.items()}
+    return BootstrapOfIntervals(replicates=replicates, lost=found.lost, block=found.block, blocks=blocks)

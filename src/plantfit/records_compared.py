@@ -1,15 +1,16 @@
 """Do my recordings agree: every recording of an answer fitted alone, and its parameters beside those of the others."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import RecordingError
+from plantfit.findings.results.records_compared import ComparisonOfRecords
+from plantfit.findings.results.result import Result
 from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
 from plantfit.report.case_page import write_case_page
@@ -24,26 +25,18 @@ if TYPE_CHECKING:
     import polars as pl
 
 
-@dataclass(frozen=True, repr=False)
-class RecordsCompared:
-    """What `compare_records` found; `record` is the plain record of `trust.heterogeneity.agreement`, with all figures."""
-
-    record: Mapping[str, Any]
+class RecordsCompared(Result[ComparisonOfRecords]):
+    """What `compare_records` found."""
 
     @property
     def agree(self) -> bool | None:
         """Whether no parameter differs between recordings beyond chance; None where none could be tested."""
-        return self.record["agree"]
+        return self.typed.agree
 
     @property
     def apart(self) -> tuple[str, ...]:
         """Recordings that no longer fit the others; none where they agree, where there are two, or where the recordings scatter."""
-        return tuple(a["recording"] for a in self.record["apart"]) if len(self.record["recordings"]) > 2 else ()
-
-    @property
-    def verdict(self) -> str:
-        """The sentences as lines of text."""
-        return "\n".join(f"{v['level']:>8}: {v['sentence']}" for v in self.record["verdict"])
+        return tuple(a.recording for a in self.typed.apart) if len(self.typed.recordings) > 2 else ()
 
     def to_frame(self) -> "pl.DataFrame":
         """A polars data frame, a row for each parameter and recording: parameter, unit, recording ("" for the joint fit), value,
@@ -52,26 +45,23 @@ class RecordsCompared:
 
         rows = [
             {
-                "parameter": p["name"], "unit": p["unit"], "recording": a.get("recording", ""),
-                **{k: a[k] for k in ("value", "standard_error", "low", "high", "status")}, "p": p["p_adjusted"],
+                "parameter": p.name, "unit": p.unit, "recording": getattr(a, "recording", ""), "value": a.value,
+                "standard_error": a.standard_error, "low": a.low, "high": a.high, "status": a.status, "p": p.p_adjusted,
             }
-            for p in self.record["parameters"]
-            for a in [*p["alone"], p["joint"]]
+            for p in self.typed.parameters
+            for a in [*p.alone, p.joint]
         ]  # fmt: skip
         numbers = dict.fromkeys(("value", "standard_error", "low", "high", "p"), pl.Float64)
         return pl.DataFrame(rows, schema_overrides={"unit": pl.String, **numbers})
 
     def report(self, path: str | Path) -> Path:
         """Write the page with a forest plot of each parameter. Raises StoreError."""
-        return write_case_page(records_page(self.record), path)
+        return write_case_page(records_page(self.typed), path)
 
     def table(self) -> str:
         """The parameters of every recording as text."""
-        head, rows = records_rows(self.record, ascii_only=True)
+        head, rows = records_rows(self.typed, ascii_only=True)
         return columns(head, rows, range(1, len(head)))
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.verdict}"
 
 
 def compare_records(
@@ -97,7 +87,7 @@ def compare_records(
         say(f"fitting {name} alone")
         own = alone(problem, name)
         each[name] = fitted_alone(own, joint_start(problem, z, own), lambda p, start: _searched(p, start, budget, seed))
-    return RecordsCompared(compared(problem, joint, each))
+    return RecordsCompared(ComparisonOfRecords.model_validate(compared(problem, joint, each)))
 
 
 def one_recording(problem: Problem) -> str:

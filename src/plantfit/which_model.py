@@ -1,15 +1,17 @@
 """Which of my models: finished answers of several models of the same data, compared."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import ModelError, RecordingError
+from plantfit.findings.results.models_compared import ComparisonOfModels
+from plantfit.findings.results.result import Result
 from plantfit.first_look.baseline import baseline, without
 from plantfit.first_look.data import Data, data_of
 from plantfit.problem.problem import Problem
@@ -20,28 +22,20 @@ from plantfit.report.text import columns
 from plantfit.trust.which_model.candidates import Candidate, candidate, folds
 from plantfit.trust.which_model.common_data import Series, shared_data
 from plantfit.trust.which_model.comparison import common_scales, compared, enough_unseen
+from plantfit.trust.which_model.sentences import told_apart
 
 if TYPE_CHECKING:
     import polars as pl
 
 
-@dataclass(frozen=True, repr=False)
-class ModelsCompared:
-    """What `compare_models` found; `record` is the plain record of `trust.which_model.comparison`, with all figures."""
-
-    record: Mapping[str, Any]
-
-    @property
-    def verdict(self) -> str:
-        """The sentences as lines of text."""
-        return "\n".join(f"{v['level']:>8}: {v['sentence']}" for v in self.record["verdict"])
+class ModelsCompared(Result[ComparisonOfModels]):
+    """What `compare_models` found."""
 
     @property
     def best(self) -> str | None:
         """The model that predicts better than all others, None where the data do not tell it from one of them."""
-        models = [m["name"] for m in self.record["models"] if m["kind"] == "model"]
-        pairs = self.record["pairs"]
-        ahead = [n for n in models if all(any(p["told"] and (p["better"], p["worse"]) == (n, o) for p in pairs) for o in models if o != n)]
+        models = [m.name for m in self.typed.models if m.kind == "model"]
+        ahead = [n for n in models if all(told_apart(self.typed, n, o) for o in models if o != n)]
         return ahead[0] if len(ahead) == 1 and len(models) > 1 else None
 
     def difference(self, first: str, second: str) -> tuple[float, float]:
@@ -49,10 +43,11 @@ class ModelsCompared:
 
         Raises ModelError for a pair that was not compared.
         """
-        for p in self.record["pairs"]:
-            if {p["better"], p["worse"]} == {first, second}:
-                return (p["difference"] if p["better"] == first else -p["difference"]), p["half_width"]
-        raise ModelError(f"{first!r} and {second!r} were not compared; there are {[m['name'] for m in self.record['models']]}.")
+        for p in self.typed.pairs:
+            if {p.better, p.worse} == {first, second}:
+                difference, half = (np.nan if v is None else v for v in (p.difference, p.half_width))
+                return (difference if p.better == first else -difference), half
+        raise ModelError(f"{first!r} and {second!r} were not compared; there are {[m.name for m in self.typed.models]}.")
 
     def to_frame(self) -> "pl.DataFrame":
         """A polars data frame, a row for each model: model, kind, parameters, effective, determined, rmse_fit, rmse_unseen, rmse_left_out,
@@ -61,25 +56,22 @@ class ModelsCompared:
 
         rows = [
             {
-                "model": m["name"], "kind": m["kind"], "parameters": m["free"], "effective": m["effective"],
-                "determined": None if m["determined"] is None else m["determined"]["count"],
-                **{f"rmse_{k}": v if np.isfinite(v) else None for k, v in m["rmse"].items()}, "aicc": m["aicc"], "bic": m["bic"],
+                "model": m.name, "kind": m.kind, "parameters": m.free, "effective": m.effective,
+                "determined": None if m.determined is None else m.determined.count,
+                **{f"rmse_{k}": v for k, v in m.rmse}, "aicc": m.aicc, "bic": m.bic,
             }
-            for m in self.record["models"]
+            for m in self.typed.models
         ]  # fmt: skip
         return pl.DataFrame(rows, schema_overrides={"determined": pl.Int64, "rmse_unseen": pl.Float64, "rmse_left_out": pl.Float64})
 
     def report(self, path: str | Path) -> Path:
         """Write the page with the table, all models over the measured outputs, and their residuals. Raises StoreError."""
-        return write_case_page(models_page(self.record), path)
+        return write_case_page(models_page(self.typed), path)
 
     def table(self) -> str:
         """The table of models as text."""
-        head, rows = models_rows(self.record, ascii_only=True)
+        head, rows = models_rows(self.typed, ascii_only=True)
         return columns(head, rows, range(1, len(head)))
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.verdict}"
 
 
 def compare_models(answers: Sequence[Answer] | Mapping[str, Answer], *, determined: bool = True, linear: bool = True) -> ModelsCompared:

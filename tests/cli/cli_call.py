@@ -1,8 +1,11 @@
 """Call the command line in this process, as its entry point does."""
 
+import json
 import sys
 from dataclasses import dataclass
+from typing import Any
 
+import jsonschema
 import numpy as np
 
 
@@ -11,6 +14,14 @@ class Said:
     code: int
     out: str
     err: str
+
+    def record(self, command: str) -> dict[str, Any]:
+        """What `plantfit COMMAND --json` printed, held to the schema of it."""
+        from plantfit.findings.results.all_results import result_schema
+
+        found = json.loads(self.out)
+        jsonschema.validate(found, result_schema(command))
+        return found
 
 
 def call(capsys, monkeypatch, *words: str) -> Said:

@@ -1,7 +1,5 @@
 """`plantfit compare` of study files and `plantfit look`, on a heater whose truth is known."""
 
-import json
-
 from cli_call import call, heater
 
 
@@ -13,7 +11,7 @@ def test_study_files_are_fitted_once_compared_and_a_difference_of_data_is_named(
     (tmp_path / "instant.toml").write_text(wrong)
     said = call(capsys, monkeypatch, "compare", "heater.toml", "instant.toml", "--json")
     assert said.code == 0, said.err
-    record = json.loads(said.out)
+    record = said.record("compare")
     assert record["verdict"][0]["sentence"].startswith("heater.toml predicts unseen data better: RMSE 0.")
     assert [m["name"] for m in record["models"]] == ["heater.toml", "instant.toml", "linear"]
     assert record["pairs"][0]["told"]
@@ -22,7 +20,7 @@ def test_study_files_are_fitted_once_compared_and_a_difference_of_data_is_named(
     again = call(capsys, monkeypatch, "compare", "heater.toml", "instant.toml")
     assert "study 1 has its answer" in again.err
     assert "deg" in again.out
-    stored = json.loads(call(capsys, monkeypatch, "compare", "1", "2", "--json", "--no-linear").out)
+    stored = call(capsys, monkeypatch, "compare", "1", "2", "--json", "--no-linear").record("compare")
     assert [m["rmse"] for m in stored["models"]] == [m["rmse"] for m in record["models"][:2]]
 
     (tmp_path / "half.toml").write_text(text.replace("split = 0.7", "split = 0.5"))
@@ -30,6 +28,7 @@ def test_study_files_are_fitted_once_compared_and_a_difference_of_data_is_named(
     assert said.code == 3
     assert "are fitted in heater.toml and 200 in half.toml; give both the same split" in said.err
 
+    assert call(capsys, monkeypatch, "look", "heater.toml", "--json").record("look")["recording"] == "bench"
     said = call(capsys, monkeypatch, "look", "heater.toml")
     assert said.code == 0, said.err
     assert "of the unseen T: RMSE 0.0" in said.out

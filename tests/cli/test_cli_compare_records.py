@@ -43,7 +43,7 @@ def test_a_changed_recording_is_named_with_units_a_page_and_json(tmp_path, capsy
     study(tmp_path, {"may": 0.6, "june": 0.6, "july": 0.9})
     said = call(capsys, monkeypatch, "compare-records", "oven.toml", "--json")
     assert said.code == 0, said.err
-    record = json.loads(said.out)
+    record = said.record("compare-records")
     assert record["agree"] is False
     assert [a["recording"] for a in record["apart"]] == ["july"]
     assert record["apart"][0]["moved"][0]["name"] == "tau"

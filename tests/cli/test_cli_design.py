@@ -71,7 +71,7 @@ def test_a_second_lag_is_told_from_a_longer_dead_time(place, capsys, monkeypatch
     (place / "two.toml").write_text(other)
     assert call(capsys, monkeypatch, "run", "two.toml", "--no-diagnose").code == 0
     words = ("design", "heater.toml", "--against", "two.toml", "--input", "u=0..100", "--duration", "3min", *FEW, "--json")
-    record = json.loads(call(capsys, monkeypatch, *words).out)
+    record = call(capsys, monkeypatch, *words).record("design")
     assert record["against"] == "two lags"
     assert record["distance"] > 0
     assert "two lags foretell lie" in record["verdict"][0]["sentence"]

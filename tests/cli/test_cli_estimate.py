@@ -1,7 +1,6 @@
 """`plantfit estimate` and `plantfit track` on a plant with process noise whose truth is known."""
 
 import io
-import json
 import os
 import sys
 from pathlib import Path
@@ -43,7 +42,7 @@ def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
     monkeypatch.chdir(bench)
     said = call(capsys, monkeypatch, "estimate", "lag.toml", "--json", "--out", "page.html")
     assert said.code == 0, said.err
-    record = json.loads(said.out)
+    record = said.record("estimate")
     assert record["methods"] == ["least squares", "maximum likelihood", "EKF"]
     assert [f["method"] for f in record["filters"]] == ["EKF", "Kalman filter"]
     assert record["agree"] is True
@@ -79,7 +78,7 @@ def test_new_measurements_are_tracked(bench, capsys, monkeypatch):
     assert lines[0].startswith("t [s],x [K],x_sd [K],K [K/V],K_sd [K/V]")
     assert len(lines) == 1 + 80
     assert float(lines[-1].split(",")[3]) == pytest.approx(2.8, rel=0.1)
-    told = json.loads(call(capsys, monkeypatch, "track", "lag", "--recording", "worn.csv", "--json").out)
+    told = call(capsys, monkeypatch, "track", "lag", "--recording", "worn.csv", "--json").record("track")
     assert told["alarms"][0]["parameter"] == "K"
     assert told["alarms"][0]["t"] > 20.0
     assert told["looks"] >= 1
@@ -99,7 +98,7 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "track", "lag.toml", "--recording", "-", "--json")
     os.close(read)
     assert said.code == 0, said.err
-    assert json.loads(said.out)["samples"] > 500
+    assert said.record("track")["samples"] > 500
 
 
 @pytest.mark.parametrize(

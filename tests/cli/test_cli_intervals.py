@@ -1,6 +1,5 @@
 """`plantfit intervals`: intervals of a heater with known truth, the page, the draws, and refusals before anything is fitted."""
 
-import json
 import sys
 
 import h5netcdf
@@ -30,7 +29,7 @@ def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
         assert file["sample_stats"]["diverging"].shape == (4, 500)
 
     words = ("intervals", "heater.toml", "--only", "tau,L", "--json")
-    record = json.loads(call(capsys, monkeypatch, *words).out)
+    record = call(capsys, monkeypatch, *words).record("intervals")
     assert [p["name"] for p in record["parameters"]] == ["tau", "L"]
     for p in record["parameters"]:
         assert [k["kind"] for k in p["kinds"]] == ["verdict", "covariance", "profile", "bootstrap"]

@@ -71,7 +71,7 @@ def test_a_linear_model_cannot_follow_a_plant_that_is_not():
 
 
 def test_the_sentences_have_figures_and_units():
-    said = [v["sentence"] for v in look(recorded("dead time", 0), ["u"], ["y"])["verdict"]]
+    said = [v.sentence for v in look(recorded("dead time", 0), ["u"], ["y"]).verdict]
     assert said[0].startswith("y reacts to u after 0.4 s")
     assert "of the unseen y: RMSE 0." in said[-1]
     assert " K, simulated from the inputs alone." in said[-1]
@@ -113,5 +113,5 @@ def test_coherence_is_said_once_for_an_output():
         y[k + 1] = 0.9 * y[k] + 0.1 * (a[k] + b[k])
     signals = {"a": Signal(a), "b": Signal(b), "y": Signal(y + rng.normal(0, 0.02, n))}
     record = Recording(np.arange(n) * 0.1, signals)
-    said = [row["sentence"] for row in look(record, ["a", "b"], ["y"])["verdict"]]
+    said = [row.sentence for row in look(record, ["a", "b"], ["y"]).verdict]
     assert len([s for s in said if s.startswith("Coherence of y")]) == 1

@@ -97,7 +97,7 @@ def test_a_prior_and_the_data_meet_as_two_normal_distributions_do(white):
     assert own["high"] - own["low"] == pytest.approx(2 * 1.96 * error / np.sqrt(2), rel=0.12)
     assert not any("one of them is wrong" in v["sentence"] for v in known.record["verdict"])
     posterior = known.record["posterior"] | {"priors": {"b": [rows["b"]["value"] + 9 * error, error]}}
-    sentences = [v["sentence"] for v in interval_sentences({**known.record, "posterior": posterior})]
+    sentences = [v["sentence"] for v in interval_sentences(known.typed.having(posterior=posterior))]
     assert any("lie 6.4 standard deviations apart: one of them is wrong" in s for s in sentences)
 
 

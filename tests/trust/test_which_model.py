@@ -17,6 +17,7 @@ from plantfit.trust.which_model.candidates import Candidate
 from plantfit.trust.which_model.common_data import Series
 from plantfit.trust.which_model.comparison import compared
 from plantfit.trust.which_model.paired_losses import paired_difference
+from plantfit.trust.which_model.sentences import told_apart
 
 N = 1000
 T = np.arange(float(N))
@@ -58,25 +59,21 @@ def trial(seed, truth, memory=0.0):
     )  # fmt: skip
 
 
-def told(found, better, worse):
-    return any(p["told"] and (p["better"], p["worse"]) == (better, worse) for p in found["pairs"])
-
-
 @pytest.mark.parametrize("memory", [0.0, 0.6])
 def test_the_bigger_of_nested_models_is_not_called_better_where_the_simpler_is_true(memory):
-    wrong = sum(told(trial(seed, "line", memory), "bend", "line") for seed in range(200))
+    wrong = sum(told_apart(trial(seed, "line", memory), "bend", "line") for seed in range(200))
     assert wrong <= 8, f"{wrong} of 200"  # 2.5 % of the 95 % by design, shared by three pairs
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.6])
 def test_the_true_model_wins_over_a_wrong_one_nested_or_not(memory):
     found = [trial(seed, "bend", memory) for seed in range(60)]
-    assert sum(told(f, "bend", "line") for f in found) >= 57
-    assert sum(told(f, "bend", "wave") for f in found) >= 57
-    assert not any(told(f, other, "bend") for f in found for other in ("line", "wave"))
+    assert sum(told_apart(f, "bend", "line") for f in found) >= 57
+    assert sum(told_apart(f, "bend", "wave") for f in found) >= 57
+    assert not any(told_apart(f, other, "bend") for f in found for other in ("line", "wave"))
     waves = [trial(seed, "wave", memory) for seed in range(60)]
-    assert sum(told(f, "wave", "line") for f in waves) >= 57
-    assert not any(told(f, other, "wave") for f in waves for other in ("line", "bend"))
+    assert sum(told_apart(f, "wave", "line") for f in waves) >= 57
+    assert not any(told_apart(f, other, "wave") for f in waves for other in ("line", "bend"))
 
 
 def test_one_model_written_twice_is_not_told_apart():
@@ -88,10 +85,10 @@ def test_one_model_written_twice_is_not_told_apart():
         a, b = regressed("a", [one, u], y, fitted), regressed("b", [one + u, one - 2 * u], y, fitted)
         b = Candidate("b", 2, 2.0, (b.simulated[0] * (1 + 1e-5),))  # as exact as simulations are
         found = record(y, fitted, a, b)
-        assert not told(found, "a", "b")
-        assert not told(found, "b", "a")
-        assert found["verdict"][0]["sentence"].startswith("The data do not tell")
-        assert "predict alike" in found["verdict"][0]["sentence"]
+        assert not told_apart(found, "a", "b")
+        assert not told_apart(found, "b", "a")
+        assert found.verdict[0].sentence.startswith("The data do not tell")
+        assert "predict alike" in found.verdict[0].sentence
 
 
 @pytest.mark.parametrize(
@@ -149,17 +146,17 @@ def test_a_simulation_that_is_not_finite_loses_and_is_said_to():
     good = Candidate("good", 1, 1.0, (np.zeros(N),))
     lost = Candidate("lost", 2, 2.0, (np.where(T > 900, np.nan, 0.0),))
     found = record(y, fitted, good, lost)
-    assert told(found, "good", "lost")
-    assert "cannot be simulated there" in found["verdict"][0]["sentence"]
+    assert told_apart(found, "good", "lost")
+    assert "cannot be simulated there" in found.verdict[0].sentence
 
 
 def test_the_sentence_gives_both_errors_and_the_difference_with_its_unit():
     found = trial(3, "bend")
-    sentence = found["verdict"][0]["sentence"]
+    sentence = found.verdict[0].sentence
     assert sentence.startswith("bend predicts unseen data best: RMSE 0.")
     assert " V (line, by 0." in sentence
     assert "±" in sentence
-    assert found["verdict"][1]["sentence"].startswith("AICc and BIC choose bend")
+    assert found.verdict[1].sentence.startswith("AICc and BIC choose bend")
 
 
 def test_a_linear_model_that_does_better_is_a_warning_and_one_that_does_not_is_none():
@@ -169,5 +166,5 @@ def test_a_linear_model_that_does_better_is_a_warning_and_one_that_does_not_is_n
     for own, other, level in ((near, far, "good"), (far, near, "warning"), (near, near, "info")):
         linear = Candidate("linear", 3, 3.0, (other,), None, "linear", None, "A linear model of order 1")
         found = record(y, fitted, Candidate("mine", 1, 1.0, (own,)), linear)
-        assert found["verdict"][-1]["level"] == level
-        assert found["verdict"][-1]["sentence"].startswith("A linear model of order 1")
+        assert found.verdict[-1].level == level
+        assert found.verdict[-1].sentence.startswith("A linear model of order 1")

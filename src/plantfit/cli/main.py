@@ -451,10 +451,15 @@ def methods(name: Annotated[str | None, typer.Argument(help="Show one method in 
 @app.command()
 def schema(
     findings: Annotated[bool, typer.Option("--findings", help="That of the findings, which `plantfit run --json` prints.")] = False,
+    of: Annotated[str | None, typer.Option("--of", help="That of what another command prints with --json, as in compare-records.")] = None,
 ) -> None:
     """Print the JSON schema of study files, by which editors complete and check keys."""
     from plantfit.cli.terminal.out import print_json
 
+    if of is not None:
+        from plantfit.findings.results.all_results import result_schema
+
+        return print_json(result_schema(of))
     if findings:
         from plantfit.findings.whole import findings_schema
 

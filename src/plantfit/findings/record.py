@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
@@ -16,6 +16,15 @@ Number = Annotated[float | None, BeforeValidator(_finite)]
 """A number, or None for what is not known and not finite."""
 Values = list[float | None]
 """Samples or entries, None where there is none."""
+
+
+def _entries(values: Any) -> Any:
+    given = values.tolist() if isinstance(values, np.ndarray) else values
+    return [_finite(v) for v in given] if isinstance(given, list | tuple) else given
+
+
+Samples = Annotated[Values, BeforeValidator(_entries)]
+"""Values that are made from an array (n,) or a list, None for what is not finite."""
 Level = Literal["good", "warning", "bad", "info"]
 READ = "read"
 """The context of a validation that leaves keys aside which a record does not know, as those of another version."""
@@ -37,6 +46,21 @@ class Record(BaseModel):
     def plain(self) -> dict[str, Any]:
         """As JSON types, keys in the order of the fields."""
         return self.model_dump(by_alias=True, exclude_unset=True)
+
+
+class Printed(Record):
+    """The whole record of a command, which `--json` prints."""
+
+    samples_in: ClassVar[tuple[str, ...]] = ()
+    """Fields that `--json` leaves out, because they hold samples."""
+
+    def having(self, **more: Any) -> Self:
+        """The same with other values of some fields, which are checked."""
+        return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | more)
+
+    def printed(self, **more: Any) -> dict[str, Any]:
+        """As JSON types without samples, with what only the command knows."""
+        return {key: value for key, value in self.having(**more).plain().items() if key not in self.samples_in}
 
 
 def array(values: Values | list[float]) -> np.ndarray:

@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import RecordingError
+from plantfit.findings.record import Level
+from plantfit.findings.results.first_look import ByPart, FirstLook, InputToOutput, LinearOrder, LookedOutput
+from plantfit.findings.verdict import Sentence
 from plantfit.first_look.baseline import Baseline, baseline
 from plantfit.first_look.data import Data, data_of
 from plantfit.first_look.delay import reaction_delay
@@ -18,21 +21,16 @@ PART = 0.7  # of a recording that is fitted, where nothing is said
 
 
 def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str], fitted: Mapping[str, np.ndarray] | None = None,
-         unseen: Mapping[str, np.ndarray] | None = None) -> dict[str, Any]:  # fmt: skip
-    """The record of a first look at one recording, JSON types only:
-
-    {"recording", "verdict": [{"level", "sentence", "figures"}], "outputs": [{"output", "unit", "t", "measured", "simulated", "part",
-      "order", "dead_times": {input: s}, "rmse": {"fit", "unseen"}, "share": {"fit", "unseen"}, "poles": [[re, im]],
-      "orders": [{"order", "bic", "rmse", "arx_rmse"}],
-      "pairs": [{"input", "unit", "delay", "lags", "correlation", "bound", "f", "gain", "phase", "radius", "coherence", "model_gain",
-         "model_phase", "step_t", "step", "step_half"}]}]}
+         unseen: Mapping[str, np.ndarray] | None = None) -> FirstLook:  # fmt: skip
+    """A first look at one recording.
 
     `fitted` and `unseen` (n,) bool by output; by default the first 70 % are fitted and the rest is unseen. Times in s, frequencies in Hz,
     phases in degrees. Raises RecordingError as `data_of` does.
     """
     n = len(recording)
     first = np.arange(n) < round(PART * n)
-    made, said = [], []
+    made: list[LookedOutput] = []
+    said: list[Sentence] = []
     for output in outputs:
         own = first if fitted is None else fitted[output]
         data = data_of(recording, inputs, output, own, ~first if unseen is None else unseen[output])
@@ -42,23 +40,22 @@ def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str], fi
         said.append(_explains(output, unit, found))
         fit = found.chosen
         made.append(
-            {
-                "output": output, "unit": unit, "t": (recording.t[0] + data.period * np.arange(len(data.y))).tolist(),
-                "measured": data.y.tolist(), "simulated": fit.simulated[0].tolist(),
-                "part": np.where(data.fitted, "fit", np.where(data.unseen, "validation", "")).tolist(), "order": fit.order,
-                "dead_times": dict(zip(inputs, fit.dead_times(), strict=True)), "rmse": found.rmse, "share": found.share,
-                "poles": [[float(p.real), float(p.imag)] for p in fit.poles],
-                "orders": [
-                    {"order": f.order, "bic": b, "rmse": float(np.sqrt(f.cost / data.fitted.sum())), "arx_rmse": f.arx_rmse}
+            LookedOutput(
+                output=output, unit=unit, t=(recording.t[0] + data.period * np.arange(len(data.y))).tolist(), measured=data.y.tolist(),
+                simulated=fit.simulated[0].tolist(), part=np.where(data.fitted, "fit", np.where(data.unseen, "validation", "")).tolist(),
+                order=fit.order, dead_times=dict(zip(inputs, fit.dead_times(), strict=True)), rmse=ByPart(**found.rmse),
+                share=ByPart(**found.share), poles=[[float(p.real), float(p.imag)] for p in fit.poles],
+                orders=[
+                    LinearOrder(order=f.order, bic=b, rmse=float(np.sqrt(f.cost / data.fitted.sum())), arx_rmse=f.arx_rmse)
                     for f, b in zip(found.fits, found.bic, strict=True)
                 ],
-                "pairs": pairs,
-            }
+                pairs=pairs,
+            )
         )  # fmt: skip
-    return {"recording": recording.name, "verdict": said, "outputs": made}
+    return FirstLook(recording=recording.name, verdict=said, outputs=made)
 
 
-def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said: list[dict[str, Any]]) -> dict[str, Any]:
+def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said: list[Sentence]) -> InputToOutput:
     delay, fit = reaction_delay(data, k), found.chosen
     count = int(min(MOST_STEP, max(20, len(data.y) // 4)))
     settled = _settles(found, count)
@@ -80,7 +77,7 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
         h = frequency_response(data)[k]
     except RecordingError as error:
         said.append(_said("warning", str(error)))
-        return row | {key: [] for key in ("f", "gain", "phase", "radius", "coherence", "model_gain", "model_phase")}
+        return InputToOutput(**row, f=[], gain=[], phase=[], radius=[], coherence=[], model_gain=[], model_phase=[])
     model = fit.response(k, h.f)
     seen = np.isfinite(h.response) & (h.coherence > 0.5)
     first = k == int(np.argmax(np.ptp(data.inputs, axis=0) > 0))  # coherence is with all inputs together: said once
@@ -90,11 +87,11 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
         said.append(_said("info", text + (", with gaps." if share < 0.9 else ".")))
     elif moves and first:
         said.append(_said("warning", f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer."))
-    return row | {
-        "f": h.f.tolist(), "gain": np.abs(h.response).tolist(), "phase": np.degrees(np.unwrap(np.angle(h.response))).tolist(),
-        "radius": h.radius.tolist(), "coherence": h.coherence.tolist(), "model_gain": np.abs(model).tolist(),
-        "model_phase": np.degrees(np.unwrap(np.angle(model))).tolist(),
-    }  # fmt: skip
+    return InputToOutput(
+        **row, f=h.f.tolist(), gain=np.abs(h.response).tolist(), phase=np.degrees(np.unwrap(np.angle(h.response))).tolist(),
+        radius=h.radius.tolist(), coherence=h.coherence.tolist(), model_gain=np.abs(model).tolist(),
+        model_phase=np.degrees(np.unwrap(np.angle(model))).tolist(),
+    )  # fmt: skip
 
 
 def _settles(found: Baseline, most: int) -> int:
@@ -104,7 +101,7 @@ def _settles(found: Baseline, most: int) -> int:
     return int(np.clip(memory + 2 + max(found.chosen.shifts), 10, most))
 
 
-def _explains(output: str, unit: str | None, found: Baseline) -> dict[str, Any]:
+def _explains(output: str, unit: str | None, found: Baseline) -> Sentence:
     part = "unseen" if np.isfinite(found.share["unseen"]) else "fit"
     share, rmse = found.share[part], found.rmse[part]
     tail = f" {unit}" if unit not in (None, "", "1") else ""
@@ -116,5 +113,5 @@ def _explains(output: str, unit: str | None, found: Baseline) -> dict[str, Any]:
     return _said("good" if share > 0.9 else "info", text, rmse=rmse, share=share)
 
 
-def _said(level: str, sentence: str, **figures: float) -> dict[str, Any]:
-    return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}
+def _said(level: Level, sentence: str, **figures: float) -> Sentence:
+    return Sentence(level=level, sentence=sentence, figures={k: float(v) for k, v in figures.items()})

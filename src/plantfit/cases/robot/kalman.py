@@ -27,7 +27,7 @@ def filtered(answer: Answer, truth: Mapping[str, float]) -> Estimators:
 
 def kalman_section(found: Estimators, exact: Recording) -> dict[str, Any]:
     """Constants by each method, how they settle, and states filtered and smoothed against the bench's exact ones."""
-    page = estimators_page(found.record, {"EKF": found.runs["EKF"]})
+    page = estimators_page(found.typed, {"EKF": found.runs["EKF"]})
     rows = _states(found, exact)
     return {
         "title": "The constants by Kalman filters (virtual bench)",
@@ -51,7 +51,7 @@ def kalman_section(found: Estimators, exact: Recording) -> dict[str, Any]:
 def _states(found: Estimators, exact: Recording) -> list[list[str]]:
     """Errors of measured, filtered and smoothed states where both are measured and scored."""
     run = next(iter(found.runs["EKF"].values()))
-    at = {p["name"]: p["estimates"]["EKF"]["value"] for p in found.record["parameters"]}
+    at = {p.name: v for p in found.typed.parameters if (v := p.estimates["EKF"].value) is not None}
     own = ekf(found.problem, found.noise, at=at).run(fitted=True)
     smooth = smoothed(own)
     rows = []

@@ -1,18 +1,18 @@
 """Whether the estimates of several methods differ by more than chance lets them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from plantfit.estimate.comparison import SURE, compare_estimates
 from plantfit.estimate.estimate import Estimate
+from plantfit.findings.results.estimated import MethodPair
 
 Estimated = tuple[Estimate, Mapping[str, tuple[float | None, float | None]]]
 """An estimate, and the 95 % interval (low, high) of each parameter; None for an end that is not known."""
 
 
-def agreement(estimates: Mapping[str, Estimated]) -> list[dict[str, Any]]:
+def agreement(estimates: Mapping[str, Estimated]) -> list[MethodPair]:
     """Every two methods, with p-values corrected for how many pairs there are (Holm)."""
     pairs, methods = [], list(estimates)
     for i, a in enumerate(methods):
@@ -21,15 +21,18 @@ def agreement(estimates: Mapping[str, Estimated]) -> list[dict[str, Any]]:
             if not names:
                 continue
             found = compare_estimates(_part(estimates[b][0], names), _part(estimates[a][0], names), (b, a))
-            pairs.append(
-                {"first": b, "second": a, "statistic": found.statistic, "degrees": found.degrees, "p": found.p_value,
-                 "sentence": found.sentence}
-            )  # fmt: skip
-    worst = 0.0
-    for k, pair in enumerate(sorted(pairs, key=lambda p: p["p"])):
-        worst = max(worst, min(1.0, (len(pairs) - k) * pair["p"]))
-        pair |= {"p_adjusted": worst, "differs": worst < SURE}
-    return pairs
+            pairs.append((b, a, found))
+    worst, adjusted = 0.0, {}
+    for k, (b, a, found) in enumerate(sorted(pairs, key=lambda pair: pair[2].p_value)):
+        worst = max(worst, min(1.0, (len(pairs) - k) * found.p_value))
+        adjusted[b, a] = worst
+    return [
+        MethodPair(
+            first=b, second=a, statistic=found.statistic, degrees=found.degrees, p=found.p_value, sentence=found.sentence,
+            p_adjusted=adjusted[b, a], differs=adjusted[b, a] < SURE,
+        )
+        for b, a, found in pairs
+    ]  # fmt: skip
 
 
 def _known(estimated: Estimated, name: str) -> bool:

@@ -1,31 +1,33 @@
 """What the estimates of several methods say, in sentences."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from plantfit.findings.record import Level
+from plantfit.findings.results.estimated import EstimatedParameter, EstimatesByMethod
+from plantfit.findings.verdict import Sentence
 from plantfit.recording.told import listed
 
 MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow
 
 
-def verdict_of(record: Mapping[str, Any], at_bound: Sequence[str] | None) -> list[dict[str, str]]:
+def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> list[Sentence]:
     """Sentences with a level about the record of `estimate_parameters`; `at_bound` names what the likelihood holds at a bound of its
     range, None where it was not maximised."""
-    told: list[dict[str, str]] = []
+    told: list[Sentence] = []
 
-    def say(level: str, sentence: str) -> None:
-        told.append({"level": level, "sentence": sentence})
+    def say(level: Level, sentence: str) -> None:
+        told.append(Sentence(level=level, sentence=sentence))
 
-    apart = [p for p in record["agreement"] if p["differs"]]
+    apart = [p for p in record.agreement if p.differs]
     if apart:
         for p in apart:
-            say("warning", p["sentence"])
-    elif record["agreement"]:
-        least = min(record["agreement"], key=lambda p: p["p_adjusted"])
-        names = listed(record["methods"])
+            say("warning", p.sentence)
+    elif record.agreement:
+        least = min(record.agreement, key=lambda p: p.p_adjusted or 0.0)
+        names = listed(record.methods)
         said = f"{names[:1].upper()}{names[1:]} agree: no two differ by more than chance lets them"
-        say("good", f"{said} (smallest p {least['p_adjusted']:.2g}, {least['first']} and {least['second']}).")
-    moved = [r["name"] for r in record["noise"] if r["kind"] == "process" and r["value"] > 0]
+        say("good", f"{said} (smallest p {least.p_adjusted:.2g}, {least.first} and {least.second}).")
+    moved = [r.name for r in record.noise if r.kind == "process" and r.value > 0]
     if moved:
         say(
             "info",
@@ -34,15 +36,15 @@ def verdict_of(record: Mapping[str, Any], at_bound: Sequence[str] | None) -> lis
         )
     elif at_bound is not None:
         say("info", "The recordings ask for no process noise: least squares and maximum likelihood assume the same here.")
-    for f in record["filters"]:
-        say("good" if f["nis"]["consistent"] else "warning", f"{f['method']}: {f['nis']['sentence']}")
-        strong = {n: r for n, r in f["memory"].items() if abs(r) > MEMORY}
+    for f in record.filters:
+        say("good" if f.nis.consistent else "warning", f"{f.method}: {f.nis.sentence}")
+        strong = {n: r for n, r in f.memory.items() if r is not None and abs(r) > MEMORY}
         if strong:
             shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
             narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
             say(
                 "warning",
-                f"{f['method']}: neighbouring innovations are correlated ({shown}): its intervals are {narrow}, those of least squares and "
+                f"{f.method}: neighbouring innovations are correlated ({shown}): its intervals are {narrow}, those of least squares and "
                 "maximum likelihood allow for it.",
             )
     if at_bound:
@@ -50,11 +52,18 @@ def verdict_of(record: Mapping[str, Any], at_bound: Sequence[str] | None) -> lis
             "info",
             f"Held at a bound of its range: {listed(list(at_bound))}; what stands beside it looks better known than it is.",
         )
-    known = [p for p in record["parameters"] if p["truth"] is not None]
-    for method in record["methods"] if known else ():
-        own = [p for p in known if method in p["estimates"] and None not in (p["estimates"][method]["low"], p["estimates"][method]["high"])]
-        hold = [p for p in own if p["estimates"][method]["low"] <= p["truth"] <= p["estimates"][method]["high"]]
-        missed = [p["name"] for p in own if p not in hold]
+    known = [p for p in record.parameters if p.truth is not None]
+    for method in record.methods if known else ():
+        holds = {p.name: inside for p in known if (inside := _holds(p, method)) is not None}
+        missed = [name for name, inside in holds.items() if not inside]
         tail = f", not {listed(missed)}" if missed else ""
-        say("info", f"Of {method}, {len(hold)} of {len(own)} intervals hold the truth{tail}.")
+        say("info", f"Of {method}, {len(holds) - len(missed)} of {len(holds)} intervals hold the truth{tail}.")
     return told
+
+
+def _holds(p: EstimatedParameter, method: str) -> bool | None:
+    """Whether the interval of a method holds the truth; None where an end or the truth is not known."""
+    own = p.estimates.get(method)
+    if own is None or own.low is None or own.high is None or p.truth is None:
+        return None
+    return own.low <= p.truth <= own.high

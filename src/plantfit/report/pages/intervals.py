@@ -1,8 +1,8 @@
 """Intervals of several kinds as a page and as rows of a table."""
 
-from collections.abc import Mapping
 from typing import Any
 
+from plantfit.findings.results.intervals_compared import ComparisonOfIntervals, KindOfInterval
 from plantfit.report.figures.comparison.intervals import intervals_figure, profile_figure
 from plantfit.report.numbers import UNKNOWN, interval, significant, unit_label
 
@@ -14,29 +14,29 @@ NOTE = (
 )
 
 
-def interval_rows(record: Mapping[str, Any], ascii_only: bool = True) -> tuple[list[str], list[list[str]]]:
+def interval_rows(found: ComparisonOfIntervals, ascii_only: bool = True) -> tuple[list[str], list[list[str]]]:
     """Heads and rows of texts: a row for each parameter, a column for each kind."""
-    kinds = list(dict.fromkeys(k["kind"] for p in record["parameters"] for k in p["kinds"]))
+    kinds = list(dict.fromkeys(k.kind for p in found.parameters for k in p.kinds))
     rows = []
-    for p in record["parameters"]:
-        unit = (p["unit"] or "") if ascii_only else unit_label(p["unit"])
-        own = {k["kind"]: k for k in p["kinds"]}
+    for p in found.parameters:
+        unit = (p.unit or "") if ascii_only else unit_label(p.unit)
+        own = {k.kind: k for k in p.kinds}
         cells = [_cell(own.get(kind), ascii_only) for kind in kinds]
-        rows.append([f"{p['name']} [{unit}]" if unit not in ("", "1") else p["name"], significant(p["value"], 4, ascii_only), *cells])
+        rows.append([f"{p.name} [{unit}]" if unit not in ("", "1") else p.name, significant(p.value, 4, ascii_only), *cells])
     return ["parameter", "value", *kinds], rows
 
 
-def intervals_page(record: Mapping[str, Any]) -> dict[str, Any]:
+def intervals_page(found: ComparisonOfIntervals) -> dict[str, Any]:
     """The record of a page (`report.case_page`)."""
-    head, rows = interval_rows(record, ascii_only=False)
-    drawn = record["parameters"][:MOST_DRAWN]
-    profiles = [p for p in drawn if any(len(k.get("points", ())) > 2 or "sample" in k for k in p["kinds"])]
+    head, rows = interval_rows(found, ascii_only=False)
+    drawn = found.parameters[:MOST_DRAWN]
+    profiles = [p for p in drawn if any(len(k.points) > 2 or k.sample for k in p.kinds)]
     sections: list[dict[str, Any]] = [
         {
             "title": "Intervals side by side",
-            "verdict": record["verdict"],
-            "tables": [{"caption": f"{100 * record['level']:g} %", "columns": head, "rows": rows, "note": NOTE}],
-            "figures": [{"figure": intervals_figure(p), "label": f"Intervals of {p['name']}"} for p in drawn],
+            "verdict": [v.plain() for v in found.verdict],
+            "tables": [{"caption": f"{100 * found.level:g} %", "columns": head, "rows": rows, "note": NOTE}],
+            "figures": [{"figure": intervals_figure(p), "label": f"Intervals of {p.name}"} for p in drawn],
         }
     ]
     if profiles:
@@ -47,16 +47,16 @@ def intervals_page(record: Mapping[str, Any]) -> dict[str, Any]:
                     "The profile is how much the sum of squares grows, all other parameters refitted, as a share of the threshold of the "
                     "level. Bars are refits of the bootstrap and draws of the posterior, the highest bar of each as high as the threshold."
                 ],
-                "figures": [{"figure": profile_figure(p), "label": f"Profile and draws of {p['name']}"} for p in profiles],
+                "figures": [{"figure": profile_figure(p), "label": f"Profile and draws of {p.name}"} for p in profiles],
             }
         )
-    level = f"{100 * record['level']:g} % intervals of {len(record['parameters'])} parameters"
-    return {"title": f"Intervals: {record['name']}", "subtitle": level, "sections": sections}
+    level = f"{100 * found.level:g} % intervals of {len(found.parameters)} parameters"
+    return {"title": f"Intervals: {found.name}", "subtitle": level, "sections": sections}
 
 
-def _cell(k: Mapping[str, Any] | None, ascii_only: bool) -> str:
-    if k is None or k["low"] is None:
+def _cell(k: KindOfInterval | None, ascii_only: bool) -> str:
+    if k is None or k.low is None:
         return "-" if ascii_only else UNKNOWN
-    text = interval(k["low"], k["high"], ascii_only)
+    text = interval(k.low, k.high, ascii_only)
     low, sign, high = text.partition(" to ")
-    return f"{'<' if k['open_low'] else ''}{low}{sign}{'>' if k['open_high'] else ''}{high}"
+    return f"{'<' if k.open_low else ''}{low}{sign}{'>' if k.open_high else ''}{high}"

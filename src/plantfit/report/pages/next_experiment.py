@@ -1,15 +1,15 @@
-"""The page of a designed input, and its tables, from plain records."""
+"""The page of a designed input, and its tables."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from plantfit.findings.record import array
+from plantfit.findings.results.next_experiment import NextExperiment
 from plantfit.report.case_page import write_case_page
 from plantfit.report.figures.pages.excitation import waveform_figure
 
-Record = Mapping[str, Any]
 COLUMNS = ("parameter", "value", "standard error now", "with this record too", "of this record alone", "largest over the plants")
 _MEANT = {
     "D": "the ellipsoid of all errors is as small as can be (D-optimal)",
@@ -18,49 +18,48 @@ _MEANT = {
 }
 
 
-def error_rows(record: Record) -> list[tuple[str, ...]]:
+def error_rows(record: NextExperiment) -> list[tuple[str, ...]]:
     """Texts of `COLUMNS` for each parameter."""
     return [
-        (_with_unit(r["name"], r["unit"]), f"{r['value']:.4g}", *(_error(r[k]) for k in ("now", "then", "alone", "worst")))
-        for r in record["parameters"]
+        (_with_unit(r.name, r.unit), f"{r.value:.4g}", *(_error(v) for v in (r.now, r.then, r.alone, r.worst))) for r in record.parameters
     ]
 
 
-def asked(record: Record) -> list[str]:
+def asked(record: NextExperiment) -> list[str]:
     """What was asked for, and what it was judged by."""
-    found = [f"{record['samples']} samples every {record['period']:.5g} s; {_MEANT[record['criterion']]}."]
-    if record["chosen"]:
-        found[0] = found[0][:-1] + f", of {', '.join(record['chosen'])} alone."
-    for i in record["inputs"]:
-        slew = f", at most {i['slew']:g} {_plain(i['unit'])}/s".replace(" /s", " per second") if i["slew"] else ""
-        found.append(f"{i['name']} from {i['low']:.5g} to {i['high']:.5g} {_plain(i['unit'])}".rstrip() + f"{slew}.")
-    for name, r in record["limits"].items():
-        ends = [f"above {r['low']:.5g}" if r["low"] is not None else "", f"below {r['high']:.5g}" if r["high"] is not None else ""]
-        kept = f"it goes from {r['reached'][0]:.5g} to {r['reached'][1]:.5g}"
-        found.append(f"{name} {' and '.join(e for e in ends if e)} {_plain(r['unit'])}".rstrip() + f": {kept}.")
-    plants = "the best fit" if record["plants"] == 1 else f"the best fit and {record['plants'] - 1} other plants that the data allow"
-    if record["criterion"] == "difference":
+    found = [f"{record.samples} samples every {record.period:.5g} s; {_MEANT[record.criterion]}."]
+    if record.chosen:
+        found[0] = found[0][:-1] + f", of {', '.join(record.chosen)} alone."
+    for i in record.inputs:
+        slew = f", at most {i.slew:g} {_plain(i.unit)}/s".replace(" /s", " per second") if i.slew else ""
+        found.append(f"{i.name} from {i.low:.5g} to {i.high:.5g} {_plain(i.unit)}".rstrip() + f"{slew}.")
+    for name, r in record.limits.items():
+        ends = [f"above {r.low:.5g}" if r.low is not None else "", f"below {r.high:.5g}" if r.high is not None else ""]
+        kept = "it goes from {:.5g} to {:.5g}".format(*array(r.reached))
+        found.append(f"{name} {' and '.join(e for e in ends if e)} {_plain(r.unit)}".rstrip() + f": {kept}.")
+    plants = "the best fit" if record.plants == 1 else f"the best fit and {record.plants - 1} other plants that the data allow"
+    if record.criterion == "difference":
         plants = "the best fit of each model"
-    found.append(f"Judged on {plants}; {record['tried']} inputs were simulated.")
+    found.append(f"Judged on {plants}; {record.tried} inputs were simulated.")
     return found
 
 
 def write_next_experiment_page(
-    record: Record, t: np.ndarray, inputs: Mapping[str, tuple[np.ndarray, str | None]],
+    record: NextExperiment, t: np.ndarray, inputs: Mapping[str, tuple[np.ndarray, str | None]],
     outputs: Mapping[str, tuple[np.ndarray, str | None]], path: str | Path, file: str,
 ) -> Path:  # fmt: skip
-    """Write the page of a designed input (`ExperimentDesign.record`) to `path`; signals (N,) with units at times t (N,) in s."""
+    """Write the page of a designed input (`ExperimentDesign.typed`) to `path`; signals (N,) with units at times t (N,) in s."""
     figures = [
         {"figure": waveform_figure(t, y, n, unit), "label": f"{n} over time"} for n, (y, unit) in (*inputs.items(), *outputs.items())
     ]
-    compared = [("this input", record["shape"], "1")]
-    compared += [(c["kind"], c["name"], f"{c['times']:.2f}") for c in record["compared"]]
-    worse = "times closer" if record["criterion"] == "difference" else "errors, times as large"
+    compared = [("this input", record.shape, "1")]
+    compared += [(c.kind, c.name, "inf" if c.times is None else f"{c.times:.2f}") for c in record.compared]
+    worse = "times closer" if record.criterion == "difference" else "errors, times as large"
     page = {
-        "title": f"Next experiment: {record['name']}",
-        "subtitle": f"{record['seconds']:g} s of {', '.join(i['name'] for i in record['inputs'])}, in {file}",
+        "title": f"Next experiment: {record.name}",
+        "subtitle": f"{record.seconds:g} s of {', '.join(i.name for i in record.inputs)}, in {file}",
         "sections": [
-            {"title": "What it tells", "verdict": record["verdict"], "sentences": asked(record),
+            {"title": "What it tells", "verdict": [v.plain() for v in record.verdict], "sentences": asked(record),
              "tables": [{"caption": "Standard errors", "columns": COLUMNS, "rows": error_rows(record)}]},
             {"title": "What will be played, and what the model foretells", "figures": figures},
             {"title": "Beside other inputs of the same length and limits",

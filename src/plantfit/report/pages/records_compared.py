@@ -1,8 +1,9 @@
 """A comparison of recordings as a page and as rows of a table."""
 
-from collections.abc import Mapping
 from typing import Any
 
+from plantfit.findings.heterogeneity import Estimated
+from plantfit.findings.results.records_compared import ComparisonOfRecords
 from plantfit.report.figures.comparison.forest import forest_figure
 from plantfit.report.numbers import UNKNOWN, interval, plus_minus, significant, unit_label
 
@@ -14,42 +15,42 @@ NOTE = (
 )
 
 
-def records_rows(record: Mapping[str, Any], ascii_only: bool = False) -> tuple[list[str], list[list[str]]]:
+def records_rows(found: ComparisonOfRecords, ascii_only: bool = False) -> tuple[list[str], list[list[str]]]:
     """Heads and rows of texts: a row for each parameter, a column for each recording."""
-    names = [r["name"] for r in record["recordings"]]
+    names = [r.name for r in found.recordings]
     label = (lambda unit: unit or "") if ascii_only else unit_label
     rows = []
-    for p in record["parameters"]:
-        tail = f" [{label(p['unit'])}]" if label(p["unit"]) not in ("", "1") else ""
-        cells = [_cell(a, ascii_only) + ("" if a["tested"] else "*") for a in p["alone"]]
-        rows.append([p["name"] + tail, *cells, _cell(p["joint"], ascii_only), _chance(p["p_adjusted"], ascii_only)])
-    unit = label(record["unit"])
+    for p in found.parameters:
+        tail = f" [{label(p.unit)}]" if label(p.unit) not in ("", "1") else ""
+        cells = [_cell(a, ascii_only) + ("" if a.tested else "*") for a in p.alone]
+        rows.append([p.name + tail, *cells, _cell(p.joint, ascii_only), _chance(p.p_adjusted, ascii_only)])
+    unit = label(found.unit)
     tail = f" [{unit}]" if unit not in ("", "1") else ""
-    for key, text in (("rmse_alone", "RMSE, own values"), ("rmse_joint", "RMSE, joint values")):
-        rows.append([text + tail, *(_number(r[key], 4, ascii_only) for r in record["recordings"]), "", ""])
+    rows.append([f"RMSE, own values{tail}", *(_number(r.rmse_alone, 4, ascii_only) for r in found.recordings), "", ""])
+    rows.append([f"RMSE, joint values{tail}", *(_number(r.rmse_joint, 4, ascii_only) for r in found.recordings), "", ""])
     return ["", *names, "all", "p"], rows
 
 
-def records_page(record: Mapping[str, Any]) -> dict[str, Any]:
+def records_page(found: ComparisonOfRecords) -> dict[str, Any]:
     """The record of a page (`report.case_page`)."""
-    head, rows = records_rows(record)
+    head, rows = records_rows(found)
     tables = [{"caption": "Parameters", "columns": ["parameter", *head[1:]], "rows": rows, "note": NOTE}]
-    moved = _moved_rows(record)
+    moved = _moved_rows(found)
     if moved:
         columns = ["recording", "parameter", "there", "in the others", "moved by", "p", "beyond chance"]
         tables.append({"caption": "What moved", "columns": columns, "rows": moved, "note": "Against the weighted mean of the others."})
     tests = [
         [
-            p["name"], significant(p["q"], 3), significant(p["degrees"], 3), _chance(p["p"], False), _chance(p["p_adjusted"], False),
-            f"{100 * p['i_squared']:.0f} %", f"{significant(p['between'], 2)} {unit_label(p['unit'])}".strip(),
+            p.name, significant(p.q, 3), significant(p.degrees, 3), _chance(p.p, False), _chance(p.p_adjusted, False),
+            f"{100 * (p.i_squared or 0.0):.0f} %", f"{significant(p.between, 2)} {unit_label(p.unit)}".strip(),
         ]
-        for p in record["parameters"]
-        if p["p"] is not None
+        for p in found.parameters
+        if p.p is not None
     ]  # fmt: skip
-    if record["together"] is not None:
-        t = record["together"]
-        chances = _chance(t["p"], False), _chance(t["p_adjusted"], False)
-        tests.append(["all together", significant(t["q"], 3), significant(t["degrees"], 3), *chances, "", ""])
+    if found.together is not None:
+        t = found.together
+        chances = _chance(t.p, False), _chance(t.p_adjusted, False)
+        tests.append(["all together", significant(t.q, 3), significant(t.degrees, 3), *chances, "", ""])
     if tests:
         note = "I²: share of the scatter that is more than the standard errors explain; then the standard deviation between recordings."
         tables.append(
@@ -58,43 +59,43 @@ def records_page(record: Mapping[str, Any]) -> dict[str, Any]:
                 "rows": tests, "note": note,
             }
         )  # fmt: skip
-    apart = {a["recording"] for a in record["apart"]} | set(record["either"])
+    apart = {a.recording for a in found.apart} | set(found.either)
     figures = [
         {
             "figure": forest_figure(p, apart),
-            "label": f"{p['name']} of every recording alone and of all: value and 95 % interval; the band is the joint interval.",
+            "label": f"{p.name} of every recording alone and of all: value and 95 % interval; the band is the joint interval.",
         }
-        for p in record["parameters"][:MOST_DRAWN]
+        for p in found.parameters[:MOST_DRAWN]
     ]
     return {
-        "title": record["name"],
+        "title": found.name,
         "subtitle": "Do the recordings agree?",
         "sections": [
-            {"title": "Verdict", "verdict": record["verdict"], "tables": tables},
+            {"title": "Verdict", "verdict": [v.plain() for v in found.verdict], "tables": tables},
             {"title": "Each parameter", "figures": figures},
         ],
     }
 
 
-def _moved_rows(record: Mapping[str, Any]) -> list[list[str]]:
+def _moved_rows(found: ComparisonOfRecords) -> list[list[str]]:
     rows = []
-    for a in record["apart"]:
-        for m in a["moved"]:
-            unit = unit_label(m["unit"])
-            share = "" if m["share"] is None else f" ({100 * m['share']:+.3g} %)"
-            there, others = plus_minus(m["value"], m["standard_error"]), plus_minus(m["others"], m["others_error"])
-            by = f"{significant(m['by'], 3)} {unit}".strip() + share
-            p, told = _chance(m["p_adjusted"], False), "yes" if m["told"] else "no"
-            rows.append([a["recording"], m["name"], f"{there} {unit}".strip(), f"{others} {unit}".strip(), by, p, told])
+    for a in found.apart:
+        for m in a.moved:
+            unit = unit_label(m.unit)
+            share = "" if m.share is None else f" ({100 * m.share:+.3g} %)"
+            there, others = plus_minus(m.value, m.standard_error), plus_minus(m.others, m.others_error)
+            by = f"{significant(m.by, 3)} {unit}".strip() + share
+            p, told = _chance(m.p_adjusted, False), "yes" if m.told else "no"
+            rows.append([a.recording, m.name, f"{there} {unit}".strip(), f"{others} {unit}".strip(), by, p, told])
     return rows
 
 
-def _cell(row: Mapping[str, Any], ascii_only: bool) -> str:
-    if row["standard_error"] is None:
-        low, high = row["low"], row["high"]
-        text = significant(row["value"], 4) if low is None or high is None else f"{significant(row['value'], 3)} ({interval(low, high)})"
+def _cell(row: Estimated, ascii_only: bool) -> str:
+    if row.standard_error is None:
+        low, high = row.low, row.high
+        text = significant(row.value, 4) if low is None or high is None else f"{significant(row.value, 3)} ({interval(low, high)})"
     else:
-        text = plus_minus(row["value"], row["standard_error"], ascii_only)
+        text = plus_minus(row.value, row.standard_error, ascii_only)
     return text.replace("±", "+-").replace("\u2212", "-").replace(UNKNOWN, "-").replace("\u2013", "-") if ascii_only else text
 
 

@@ -1,12 +1,12 @@
 """An input designed for a study's plant, held against step, PRBS, multisine and chirp within the same limits."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from plantfit.errors import SearchError
+from plantfit.findings.results.next_experiment import InputGain
 from plantfit.trust.experiment.criteria import Difference, Precision
 from plantfit.trust.experiment.exchange import LEVELS, Exchange
 from plantfit.trust.experiment.shapes import kind_of, shapes
@@ -179,9 +179,9 @@ def errors_after(goal: Precision, told: Told | None, before: bool = True) -> tup
     return found[0], np.max(found, axis=0)
 
 
-def gains(goal: Precision | Difference, found: Designed) -> Sequence[Mapping[str, Any]]:
+def gains(found: Designed) -> list[InputGain]:
     """How many times as large errors are with the best of each classical kind, or by how much less far apart the models."""
     return [
-        {"kind": c.kind, "name": c.name, "times": float(np.exp(c.cost - found.best.cost))}
+        InputGain(kind=c.kind, name=c.name, times=float(np.exp(c.cost - found.best.cost)))
         for c in sorted(found.classical, key=lambda c: c.cost)
     ]

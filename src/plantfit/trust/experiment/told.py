@@ -1,9 +1,11 @@
 """What a designed input is worth, in sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from math import inf, nan
 from statistics import NormalDist
-from typing import Any
 
+from plantfit.findings.record import array
+from plantfit.findings.results.next_experiment import ErrorsAfter, NextExperiment
 from plantfit.trust.verdict.words import Sentence, say, some
 
 LEAD = 1.02  # times, from which on an input counts as better than another
@@ -11,32 +13,33 @@ BEYOND = 0.5  # of the range that an output had, outside of which it is unknown 
 TOLD_APART = 3.3  # standard deviations, at which 95 % of decisions are right
 
 
-def precision_sentences(record: Mapping[str, Any]) -> list[Sentence]:
+def precision_sentences(record: NextExperiment) -> list[Sentence]:
     """About errors of the parameters."""
-    rows = record["parameters"]
+    rows = record.parameters
     found = [_changed(rows, record)]
     found += _beside(record, "Standard errors would be {times:.2f} times as large in the mean")
-    lost = [r["name"] for r in rows if r["open"]]
+    lost = [r.name for r in rows if r.open]
     if lost:
         found.append(
             say("warning", f"{some(lost)} would stay open, each by itself, under every input that was tried within these limits; "
                   "hold or measure one of them, or widen the limits.")
         )  # fmt: skip
-    spread = [r for r in rows if r["then"] and r["worst"] and r["worst"] > 1.5 * r["then"]]
+    larger = {r.name: r.worst / r.then for r in rows if r.then and r.worst}
+    spread = [f"{n} {times:.2g} times" for n, times in larger.items() if times > 1.5]
     if spread:
-        told = ", ".join(f"{r['name']} {r['worst'] / r['then']:.2g} times" for r in spread[:4])
+        told = ", ".join(spread[:4])
         found.append(say("info", f"On other plants that the data allow errors can be larger: {told}."))
     return [*found, *_common(record)]
 
 
-def difference_sentences(record: Mapping[str, Any]) -> list[Sentence]:
+def difference_sentences(record: NextExperiment) -> list[Sentence]:
     """About two models told apart."""
-    far = record["distance"]
+    far = nan if record.distance is None else record.distance
     right = 100.0 * NormalDist().cdf(0.5 * far)
     share = f"{right:.3g} %" if right < 99.9 else "more than 99.9 %"
     level = "good" if far >= TOLD_APART else "warning"
     sentence = (
-        f"Under this input the outputs that {record['name']} and {record['against']} foretell lie {far:.3g} standard deviations apart, "
+        f"Under this input the outputs that {record.name} and {record.against} foretell lie {far:.3g} standard deviations apart, "
         f"over noise and what their parameters leave open: the right one of the two is told in {share} of recordings."
     )
     if far < TOLD_APART:
@@ -44,61 +47,62 @@ def difference_sentences(record: Mapping[str, Any]) -> list[Sentence]:
     return [say(level, sentence), *_beside(record, "The models would lie {closer:.2f} times closer"), *_common(record)]
 
 
-def _changed(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> Sentence:
-    chosen = [r for r in rows if not r["open"] and (not record["chosen"] or r["name"] in record["chosen"])]
+def _changed(rows: Sequence[ErrorsAfter], record: NextExperiment) -> Sentence:
+    chosen = [r for r in rows if not r.open and (not record.chosen or r.name in record.chosen)]
     if not chosen:
-        return say("info", f"{record['seconds']:g} s of this input leave all parameters open that were asked for.")
-    told = [f"{r['name']} {_error(r['then'], r)} (now {_error(r['now'], r)})" for r in chosen[:8]]
+        return say("info", f"{record.seconds:g} s of this input leave all parameters open that were asked for.")
+    told = [f"{r.name} {_error(r.then, r)} (now {_error(r.now, r)})" for r in chosen[:8]]
     more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
-    return say("good", f"With {record['seconds']:g} s of this input the standard errors become: {', '.join(told)}{more}.")
+    return say("good", f"With {record.seconds:g} s of this input the standard errors become: {', '.join(told)}{more}.")
 
 
-def _error(value: float | None, row: Mapping[str, Any]) -> str:
+def _error(value: float | None, row: ErrorsAfter) -> str:
     if value is None:
         return "unknown"
-    return f"{100 * value / abs(row['value']):.2g} %" if row["value"] else f"{value:.2g} {row['unit'] or ''}".rstrip()
+    return f"{100 * value / abs(row.value):.2g} %" if row.value else f"{value:.2g} {row.unit or ''}".rstrip()
 
 
-def _beside(record: Mapping[str, Any], words: str) -> list[Sentence]:
+def _beside(record: NextExperiment, words: str) -> list[Sentence]:
     """Against the best of the classical kinds."""
-    others = [c for c in record["compared"] if c["kind"] != record["kind"]]
-    if record["kind"] != "designed":
-        return [say("info", f"Of all that was tried, a {record['shape']} tells most; exchanging its levels found nothing better.")]
+    others = [c for c in record.compared if c.kind != record.kind]
+    if record.kind != "designed":
+        return [say("info", f"Of all that was tried, a {record.shape} tells most; exchanging its levels found nothing better.")]
     if not others:
         return []
     best = others[0]
-    told = words.format(times=best["times"], closer=best["times"])
-    rest = ", ".join(f"{c['kind']} {c['times']:.2f}" for c in others[1:])
+    times = {c.kind: inf if c.times is None else c.times for c in others}
+    told = words.format(times=times[best.kind], closer=times[best.kind])
+    rest = ", ".join(f"{c.kind} {times[c.kind]:.2f}" for c in others[1:])
     end = f" (others: {rest})" if rest else ""
-    level = "good" if best["times"] > LEAD else "info"
-    settings = f", a {best['name']}" if best["name"] != best["kind"] else ""
-    sentence = f"{told} with the best {best['kind']} of the same length within the same limits{settings}{end}."
+    level = "good" if times[best.kind] > LEAD else "info"
+    settings = f", a {best.name}" if best.name != best.kind else ""
+    sentence = f"{told} with the best {best.kind} of the same length within the same limits{settings}{end}."
     return [say(level, sentence)]
 
 
-def _common(record: Mapping[str, Any]) -> list[Sentence]:
+def _common(record: NextExperiment) -> list[Sentence]:
     return [*_beyond(record), *_coloured(record)]
 
 
-def _beyond(record: Mapping[str, Any]) -> list[Sentence]:
+def _beyond(record: NextExperiment) -> list[Sentence]:
     """Outputs that would go where no recording has been."""
     found = []
-    for o in record["outputs"]:
-        (low, high), (least, most) = o["seen"], o["reached"]
+    for o in record.outputs:
+        (low, high), (least, most) = array(o.seen), array(o.reached)
         if least < low - BEYOND * (high - low) or most > high + BEYOND * (high - low):
-            unit = f" {o['unit']}" if o["unit"] not in (None, "1") else ""
+            unit = f" {o.unit}" if o.unit not in (None, "1") else ""
             sentence = (
-                f"{o['name']} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}: nobody knows "
-                f"yet that the model holds there. Keep it within limits with --limit {o['name']}=LOW..HIGH."
+                f"{o.name} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}: nobody knows "
+                f"yet that the model holds there. Keep it within limits with --limit {o.name}=LOW..HIGH."
             )
             found.append(say("warning", sentence))
     return found
 
 
-def _coloured(record: Mapping[str, Any]) -> list[Sentence]:
-    if record["inflation"] > 2.0:
+def _coloured(record: NextExperiment) -> list[Sentence]:
+    if record.inflation > 2.0:
         sentence = (
-            f"The residuals of the study are correlated, which makes variances {record['inflation']:.2g} times those of white noise; the "
+            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} times those of white noise; the "
             "same is assumed of the new recording. What the model lacks counts as noise here: look for it first (plantfit diagnose)."
         )
         return [say("warning", sentence)]

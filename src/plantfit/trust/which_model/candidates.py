@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class Candidate:
     effective: float
     simulated: tuple[np.ndarray, ...]
     left_out: tuple[np.ndarray, ...] | None = None
-    kind: str = "model"
+    kind: Literal["model", "linear"] = "model"
     determined: tuple[int, int] | None = None
     sentence: str = ""
 

@@ -1,19 +1,39 @@
-"""Candidates compared on the common samples: errors, paired differences, criteria, and the sentences about them, as a plain record."""
+"""Candidates compared on the common samples: errors, paired differences, criteria, and the sentences about them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.findings.results.models_compared import (
+    ComparedModel,
+    ComparisonOfModels,
+    Counted,
+    Errors,
+    ModelPair,
+    ModelSeries,
+    OutputErrors,
+)
 from plantfit.problem.problem import Problem
 from plantfit.trust.which_model.candidates import Candidate
 from plantfit.trust.which_model.common_data import Series
 from plantfit.trust.which_model.criteria import criteria, inflation_of
-from plantfit.trust.which_model.paired_losses import Difference, paired_difference
+from plantfit.trust.which_model.paired_losses import paired_difference
 from plantfit.trust.which_model.sentences import sentences
 
+Part = Literal["fit", "unseen", "left out"]
 FEWEST_UNSEEN = 10  # samples
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """AIC, AICc and BIC `above` the least of the models, by candidate; of `samples` that are worth so many `independent` ones."""
+
+    samples: int
+    independent: float
+    above: dict[str, list[float]]
 
 
 def enough_unseen(series: Sequence[Series]) -> bool:
@@ -39,21 +59,11 @@ def common_scales(problems: Sequence[Problem], series: Sequence[Series], candida
     return found, False
 
 
-def compared(series: Sequence[Series], candidates: Sequence[Candidate], scales: Mapping[str, float], given: bool = False) -> dict[str, Any]:
-    """The record of a comparison, JSON types only:
-
-    {"verdict": [{"level", "sentence", "figures"}], "judged_by": "unseen"|"left out", "scales": {output: number}, "unit": str|null,
-     "samples", "independent",
-     "models": [{"name", "kind": "model"|"linear", "sentence", "free", "effective", "determined": null|{"count", "of"},
-        "rmse": {"fit", "unseen", "left_out"}, "outputs": {output: {"unit", "fit", "unseen", "left_out"}}, "aic", "aicc", "bic"}],
-     "pairs": [{"better", "worse", "difference", "half_width", "p", "degrees", "samples", "correlation", "over": "stretches"|"noise",
-       "told"}],
-     "series": [{"recording", "output", "unit", "t", "measured", "part", "simulated": {name: [..]}}]}
-
-    "rmse" is in the unit of the output, of several outputs the root of the mean of (error/scale)^2. Criteria are differences to the least
-    of the models. "pairs" holds all pairs of models, then the best model with the linear baseline.
-    """
-    part = "unseen" if enough_unseen(series) else "left out"
+def compared(
+    series: Sequence[Series], candidates: Sequence[Candidate], scales: Mapping[str, float], given: bool = False
+) -> ComparisonOfModels:
+    """Errors of all candidates, their differences and criteria, and what they say."""
+    part: Literal["unseen", "left out"] = "unseen" if enough_unseen(series) else "left out"
     losses = {c.name: _losses(c, series, scales, part) for c in candidates}
     errors = {c.name: _scaled(c, series, scales, part) for c in candidates}
     models = [c for c in candidates if c.kind == "model"]
@@ -63,17 +73,17 @@ def compared(series: Sequence[Series], candidates: Sequence[Candidate], scales: 
     pairs += [_either(ranked[0], c, losses, errors) for c in candidates if c.kind != "model"]
     made = _criteria(series, models or candidates, candidates, scales, given)
     outputs = list(dict.fromkeys(s.output for s in series))
-    record: dict[str, Any] = {
-        "judged_by": part,
-        "scales": dict(scales),
-        "unit": series[0].unit if len(outputs) == 1 else None,
-        "samples": made["samples"],
-        "independent": made["independent"],
-        "models": [_row(c, series, outputs, scales, made["of"][c.name]) for c in candidates],
-        "pairs": pairs,
-        "series": [_drawn(s, k, candidates) for k, s in enumerate(series)],
-    }
-    return {"verdict": sentences(record), **record}
+    found = ComparisonOfModels(
+        judged_by=part,
+        scales=dict(scales),
+        unit=series[0].unit if len(outputs) == 1 else None,
+        samples=made.samples,
+        independent=made.independent,
+        models=[_row(c, series, outputs, scales, made.above[c.name]) for c in candidates],
+        pairs=pairs,
+        series=[_drawn(s, k, candidates) for k, s in enumerate(series)],
+    )
+    return found.having(verdict=sentences(found))
 
 
 def _errors(simulated: Sequence[np.ndarray], series: Sequence[Series]) -> list[np.ndarray]:
@@ -81,7 +91,7 @@ def _errors(simulated: Sequence[np.ndarray], series: Sequence[Series]) -> list[n
     return [np.where(np.isfinite(s.measured) & ~np.isfinite(y), np.inf, y - s.measured) for y, s in zip(simulated, series, strict=True)]
 
 
-def _part(c: Candidate, series: Sequence[Series], part: str) -> list[np.ndarray]:
+def _part(c: Candidate, series: Sequence[Series], part: Part) -> list[np.ndarray]:
     """Errors (n,) on a part, NaN elsewhere."""
     if part == "left out" and c.left_out is None:
         return [np.full(len(s.t), np.nan) for s in series]
@@ -89,7 +99,7 @@ def _part(c: Candidate, series: Sequence[Series], part: str) -> list[np.ndarray]
     return [np.where(s.unseen if part == "unseen" else s.fitted, e, np.nan) for e, s in zip(errors, series, strict=True)]
 
 
-def _losses(c: Candidate, series: Sequence[Series], scales: Mapping[str, float], part: str) -> list[np.ndarray]:
+def _losses(c: Candidate, series: Sequence[Series], scales: Mapping[str, float], part: Part) -> list[np.ndarray]:
     """By recording the mean over its outputs of (error/scale)^2 at each sample (n,), NaN where none is compared."""
     found = []
     for own in _scaled(c, series, scales, part):
@@ -99,7 +109,7 @@ def _losses(c: Candidate, series: Sequence[Series], scales: Mapping[str, float],
     return found
 
 
-def _scaled(c: Candidate, series: Sequence[Series], scales: Mapping[str, float], part: str) -> list[np.ndarray]:
+def _scaled(c: Candidate, series: Sequence[Series], scales: Mapping[str, float], part: Part) -> list[np.ndarray]:
     """By recording the errors over their scales (outputs, n), NaN where none is compared."""
     errors = _part(c, series, part)
     return [
@@ -118,24 +128,24 @@ def _rms(errors: Sequence[np.ndarray]) -> float:
     return _root([e**2 for e in errors]) if errors else float("nan")
 
 
-def _pair(a: Candidate, b: Candidate, errors: Mapping[str, Sequence[np.ndarray]], pairs: int) -> dict[str, Any]:
-    d: Difference = paired_difference(errors[a.name], errors[b.name], pairs)
-    return {
-        "better": a.name, "worse": b.name, "difference": d.value, "half_width": d.half_width, "p": d.p, "degrees": d.degrees,
-        "samples": d.samples, "correlation": d.correlation, "over": d.over, "told": d.told,
-    }  # fmt: skip
+def _pair(a: Candidate, b: Candidate, errors: Mapping[str, Sequence[np.ndarray]], pairs: int) -> ModelPair:
+    d = paired_difference(errors[a.name], errors[b.name], pairs)
+    return ModelPair(
+        better=a.name, worse=b.name, difference=d.value, half_width=d.half_width, p=d.p, degrees=d.degrees, samples=d.samples,
+        correlation=d.correlation, over=d.over, told=d.told,
+    )  # fmt: skip
 
 
 def _either(
     a: Candidate, b: Candidate, losses: Mapping[str, Sequence[np.ndarray]], errors: Mapping[str, Sequence[np.ndarray]]
-) -> dict[str, Any]:
+) -> ModelPair:
     a, b = sorted((a, b), key=lambda c: _root(losses[c.name]))
     return _pair(a, b, errors, 1)
 
 
 def _criteria(
     series: Sequence[Series], models: Sequence[Candidate], candidates: Sequence[Candidate], scales: Mapping[str, float], given: bool
-) -> dict[str, Any]:
+) -> Criteria:
     """AIC, AICc and BIC by candidate, as differences to the least of the models."""
     errors = {c.name: _part(c, series, "fit") for c in candidates}
     used = [~np.isnan(e) for e in errors[candidates[0].name]]
@@ -158,28 +168,28 @@ def _criteria(
         raw[c.name] = criteria(float(square), samples, c.effective, factor)
     least = np.min([raw[c.name] for c in models], axis=0)
     with np.errstate(invalid="ignore"):
-        of = {n: [float(v) for v in np.asarray(row) - least] for n, row in raw.items()}
-    return {"samples": samples, "independent": samples / factor, "of": of}
+        above = {n: [float(v) for v in np.asarray(row) - least] for n, row in raw.items()}
+    return Criteria(samples, samples / factor, above)
 
 
-def _row(c: Candidate, series: Sequence[Series], outputs: Sequence[str], scales: Mapping[str, float], made: list[float]) -> dict[str, Any]:
-    parts = {"fit": "fit", "unseen": "unseen", "left_out": "left out"}
+def _row(c: Candidate, series: Sequence[Series], outputs: Sequence[str], scales: Mapping[str, float], above: list[float]) -> ComparedModel:
+    parts: dict[str, Part] = {"fit": "fit", "unseen": "unseen", "left_out": "left out"}
     own = {}
     for o in outputs:
         unit = next(s.unit for s in series if s.output == o)
         errors = {key: [e for e, s in zip(_part(c, series, p), series, strict=True) if s.output == o] for key, p in parts.items()}
-        own[o] = {"unit": unit, **{key: _rms(e) for key, e in errors.items()}}
-    return {
-        "name": c.name, "kind": c.kind, "sentence": c.sentence, "free": c.free, "effective": c.effective,
-        "determined": None if c.determined is None else {"count": c.determined[0], "of": c.determined[1]},
-        "rmse": {key: _root(_losses(c, series, scales, p)) for key, p in parts.items()},
-        "outputs": own, "aic": made[0], "aicc": made[1], "bic": made[2],
-    }  # fmt: skip
+        own[o] = OutputErrors(unit=unit, **{key: _rms(e) for key, e in errors.items()})
+    return ComparedModel(
+        name=c.name, kind=c.kind, sentence=c.sentence, free=c.free, effective=c.effective,
+        determined=None if c.determined is None else Counted(count=c.determined[0], of=c.determined[1]),
+        rmse=Errors(**{key: _root(_losses(c, series, scales, p)) for key, p in parts.items()}),
+        outputs=own, aic=above[0], aicc=above[1], bic=above[2],
+    )  # fmt: skip
 
 
-def _drawn(s: Series, k: int, candidates: Sequence[Candidate]) -> dict[str, Any]:
-    part = np.where(s.fitted, "fit", np.where(s.unseen, "validation", "")).tolist()
-    return {
-        "recording": s.recording, "output": s.output, "unit": s.unit, "t": s.t.tolist(), "measured": s.measured.tolist(), "part": part,
-        "simulated": {c.name: np.asarray(c.simulated[k]).tolist() for c in candidates},
-    }  # fmt: skip
+def _drawn(s: Series, k: int, candidates: Sequence[Candidate]) -> ModelSeries:
+    return ModelSeries(
+        recording=s.recording, output=s.output, unit=s.unit, t=s.t.tolist(), measured=s.measured.tolist(),
+        part=np.where(s.fitted, "fit", np.where(s.unseen, "validation", "")).tolist(),
+        simulated={c.name: np.asarray(c.simulated[k]).tolist() for c in candidates},
+    )  # fmt: skip

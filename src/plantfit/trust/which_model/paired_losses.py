@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy import special
@@ -27,7 +28,7 @@ class Difference:
     degrees: int
     samples: int
     correlation: float
-    over: str
+    over: Literal["stretches", "noise"]
     told: bool
 
 
@@ -62,7 +63,8 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     if min(a, b) <= 0:
         return Difference(value, 0.0, 0.0, 0, len(both), 1.0, "stretches", bool(b > 0))
     series = [(p[:, 1] - b) / (2 * np.sqrt(b)) - (p[:, 0] - a) / (2 * np.sqrt(a)) for p in pieces]
-    degrees, memory, over = *_degrees(series), "stretches"
+    over: Literal["stretches", "noise"] = "stretches"
+    degrees, memory = _degrees(series)
     half, error = _half_width(series, degrees, pairs)
     if degrees < min(FEW, _most(len(both))):
         known = both[:, 2].mean() / (2 * np.sqrt(b))

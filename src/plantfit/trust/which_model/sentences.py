@@ -1,114 +1,117 @@
 """What a comparison of models says."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
+from plantfit.findings.record import Level
+from plantfit.findings.results.models_compared import ComparedModel, ComparisonOfModels, ModelPair
+from plantfit.findings.verdict import Sentence
 from plantfit.trust.verdict.words import some
 from plantfit.trust.which_model.criteria import NEAR
 from plantfit.trust.which_model.paired_losses import FEWEST, equal
 
-Row = Mapping[str, Any]
+Part = Literal["unseen", "left_out"]
 STRONG = 10.0  # difference of a criterion that leaves a model essentially no support (Burnham and Anderson 2002, section 2.6)
 
 
-def sentences(record: Row) -> list[dict[str, Any]]:
+def sentences(found: ComparisonOfModels) -> list[Sentence]:
     """The verdict: which predicts best, what the criteria choose, what is determined, and what a linear model reaches."""
-    models = [m for m in record["models"] if m["kind"] == "model"]
-    part = _part(record)
-    ranked = sorted(models, key=lambda m: _known(m["rmse"][part]))
-    said = [] if len(models) < 2 else [_which(record, ranked, part), _criteria(record, ranked)]
+    models = [m for m in found.models if m.kind == "model"]
+    part = _part(found)
+    ranked = sorted(models, key=lambda m: _rmse(m, part))
+    said = [] if len(models) < 2 else [_which(found, ranked, part), _criteria(found, ranked)]
     said += _determined(ranked)
-    said += [_linear(record, ranked[0], m, part) for m in record["models"] if m["kind"] == "linear"]
+    said += [_linear(found, ranked[0], m, part) for m in found.models if m.kind == "linear"]
     return said
 
 
-def told_apart(record: Row, better: str, worse: str) -> bool:
+def told_apart(found: ComparisonOfModels, better: str, worse: str) -> bool:
     """Whether the data tell a pair apart."""
-    return any(p["told"] for p in record["pairs"] if (p["better"], p["worse"]) == (better, worse))
+    return any(p.told for p in found.pairs if (p.better, p.worse) == (better, worse))
 
 
 def places(half: float | None, values: Sequence[float]) -> int:
     """Decimals that show a half width in two digits, else values in three; four digits of a value at most."""
-    sizes = [abs(v) for v in values if v is not None and np.isfinite(v) and v != 0]
+    sizes = [abs(v) for v in values if np.isfinite(v) and v != 0]
     largest = max(sizes, default=1.0)
-    known = half is not None and np.isfinite(half) and half > 0
-    finest = max(half / 10.0, largest * 1e-4) if known and half is not None else min(sizes, default=1.0) / 100.0  # fmt: skip
+    finest = max(half / 10.0, largest * 1e-4) if half else min(sizes, default=1.0) / 100.0
     return int(np.clip(-np.floor(np.log10(finest) + 1e-9), 0, 9))
 
 
-def _part(record: Row) -> str:
-    return "unseen" if record["judged_by"] == "unseen" else "left_out"
+def _part(found: ComparisonOfModels) -> Part:
+    return "unseen" if found.judged_by == "unseen" else "left_out"
 
 
 def _known(value: float | None) -> float:
-    return float("inf") if value is None or value != value else value
+    return float("inf") if value is None else value
 
 
-def _unit(record: Row) -> str:
-    unit = record["unit"]
+def _rmse(model: ComparedModel, part: Part) -> float:
+    """Of the part that models are judged by; infinite where it is not known, as where the model cannot be simulated."""
+    return _known(model.rmse.unseen if part == "unseen" else model.rmse.left_out)
+
+
+def _unit(found: ComparisonOfModels) -> str:
+    unit = found.unit
     return f" {unit}" if unit not in (None, "", "1", "dimensionless") else ""
 
 
-def _where(record: Row) -> str:
-    return "unseen data" if record["judged_by"] == "unseen" else "blocks left out of its fit"
+def _where(found: ComparisonOfModels) -> str:
+    return "unseen data" if found.judged_by == "unseen" else "blocks left out of its fit"
 
 
 def _shown(value: float, decimals: int) -> str:
     return f"{value:.{decimals}f}" if np.isfinite(value) else "without end"
 
 
-def _finite(value: float | None) -> bool:
-    return value is not None and bool(np.isfinite(value))
+def _gap(pair: ModelPair, decimals: int) -> str:
+    if pair.half_width is None:
+        return f"{_known(pair.difference):.{decimals}f}, of unknown uncertainty,"
+    return f"{pair.difference:.{decimals}f} ± {pair.half_width:.{decimals}f}"
 
 
-def _gap(pair: Row, decimals: int) -> str:
-    if not _finite(pair["half_width"]):
-        return f"{pair['difference']:.{decimals}f}, of unknown uncertainty,"
-    return f"{pair['difference']:.{decimals}f} ± {pair['half_width']:.{decimals}f}"
-
-
-def _by(pair: Row, decimals: int) -> str:
-    if not np.isfinite(pair["difference"]):
+def _by(pair: ModelPair, decimals: int) -> str:
+    if pair.difference is None:
         return "which cannot be simulated there"
-    return f"by {pair['difference']:.{decimals}f} ± {pair['half_width']:.{decimals}f}"
+    return f"by {pair.difference:.{decimals}f} ± {pair.half_width:.{decimals}f}"
 
 
-def _which(record: Row, ranked: Sequence[Row], part: str) -> dict[str, Any]:
+def _which(found: ComparisonOfModels, ranked: Sequence[ComparedModel], part: Part) -> Sentence:
     best, rest = ranked[0], ranked[1:]
-    own = {p["worse"]: p for p in record["pairs"] if p["better"] == best["name"]}
-    close = [m for m in rest if not own[m["name"]]["told"]]
-    far = [m for m in rest if own[m["name"]]["told"]]
+    own = {p.worse: p for p in found.pairs if p.better == best.name}
+    close = [m for m in rest if not own[m.name].told]
+    far = [m for m in rest if own[m.name].told]
     if close:
-        return _undecided(record, [best, *close], far, own, part)
-    pair = own[rest[0]["name"]]
-    decimals = places(pair["half_width"], [best["rmse"][part], rest[0]["rmse"][part]])
-    unit = _unit(record)
-    others = [f"{_shown(m['rmse'][part], decimals)}{unit} ({m['name']}, {_by(own[m['name']], decimals)})" for m in rest]
+        return _undecided(found, [best, *close], far, own, part)
+    pair = own[rest[0].name]
+    decimals = places(pair.half_width, [_rmse(best, part), _rmse(rest[0], part)])
+    unit = _unit(found)
+    others = [f"{_shown(_rmse(m, part), decimals)}{unit} ({m.name}, {_by(own[m.name], decimals)})" for m in rest]
     if len(rest) == 1:
-        tail = f"instead of {_shown(rest[0]['rmse'][part], decimals)}{unit} by {rest[0]['name']}, {_by(pair, decimals)} (95 %)"
-        text = f"{best['name']} predicts {_where(record)} better: RMSE {_shown(best['rmse'][part], decimals)} {tail}."
+        tail = f"instead of {_shown(_rmse(rest[0], part), decimals)}{unit} by {rest[0].name}, {_by(pair, decimals)} (95 %)"
+        text = f"{best.name} predicts {_where(found)} better: RMSE {_shown(_rmse(best, part), decimals)} {tail}."
     else:
         tail = f"instead of {some(others, len(others))} (95 %, all pairs together)"
-        text = f"{best['name']} predicts {_where(record)} best: RMSE {_shown(best['rmse'][part], decimals)}{unit} {tail}."
-    if any(own[m["name"]]["over"] == "noise" for m in rest):
+        text = f"{best.name} predicts {_where(found)} best: RMSE {_shown(_rmse(best, part), decimals)}{unit} {tail}."
+    if any(own[m.name].over == "noise" for m in rest):
         text += " The difference changes too slowly for a figure over other stretches of such data; ± is over the noise of these samples."
-    return _said("good", text, best=best["rmse"][part], difference=pair["difference"], half_width=pair["half_width"])
+    return _said("good", text, best=_rmse(best, part), difference=pair.difference, half_width=pair.half_width)
 
 
-def _undecided(record: Row, group: Sequence[Row], far: Sequence[Row], own: Mapping[str, Row], part: str) -> dict[str, Any]:
-    names, unit = [m["name"] for m in group], _unit(record)
-    pair = own[group[1]["name"]]
-    values = [m["rmse"][part] for m in group]
+def _undecided(
+    found: ComparisonOfModels, group: Sequence[ComparedModel], far: Sequence[ComparedModel], own: Mapping[str, ModelPair], part: Part
+) -> Sentence:
+    names, unit = [m.name for m in group], _unit(found)
+    pair = own[group[1].name]
+    values = [_rmse(m, part) for m in group]
     where = "unseen data" if part == "unseen" else "blocks left out of the fits"
-    half = pair["half_width"]
+    half = pair.half_width
     if all(equal(values[0], v) for v in values):
         text = f"The data do not tell {some(names, 9)} apart: on {where} they predict alike, RMSE {values[0]:.4g}{unit}"
-    elif half is None or half != half:
-        length = (
-            f"what differs has a memory of {pair['correlation']:.0f} samples, so that the {pair['samples']} are worth {pair['degrees']}"
-        )
+    elif half is None:
+        length = f"what differs has a memory of {pair.correlation:.0f} samples, so that the {pair.samples} are worth {pair.degrees}"
         text = (
             f"The data do not tell {some(names, 9)} apart: RMSE on {where} {some([f'{v:.4g}' for v in values], 9)}{unit}, but {length}, "
             f"and {FEWEST} are the fewest that a comparison can be made of; keep a longer part unseen"
@@ -116,31 +119,31 @@ def _undecided(record: Row, group: Sequence[Row], far: Sequence[Row], own: Mappi
     else:
         decimals = places(half, values)
         each = some([_shown(v, decimals) for v in values], 9)
-        gaps = [_gap(own[m["name"]], decimals) for m in group[1:]]
+        gaps = [_gap(own[m.name], decimals) for m in group[1:]]
         text = (
             f"The data do not tell {some(names, 9)} apart: RMSE on {where} {each}{unit}, "
             f"difference{'s' * (len(gaps) > 1)} {some(gaps, 9)} (95 %)"
         )
     if far:
-        decimals = places(own[far[0]["name"]]["half_width"], [far[0]["rmse"][part]])
-        worse = [f"{m['name']} ({_shown(m['rmse'][part], decimals)}{unit}, {_by(own[m['name']], decimals)})" for m in far]
+        decimals = places(own[far[0].name].half_width, [_rmse(far[0], part)])
+        worse = [f"{m.name} ({_shown(_rmse(m, part), decimals)}{unit}, {_by(own[m.name], decimals)})" for m in far]
         text += f"; worse than {names[0]}: {some(worse, 9)}"
-    least = min(m["free"] for m in group)
-    simple = [m for m in group if m["free"] == least]
-    known = all(equal(values[0], m["rmse"][part]) or _finite(own[m["name"]]["half_width"]) for m in group[1:])
-    if len(simple) == 1 and known and _known(simple[0]["bic"]) <= STRONG:
-        more = some([str(m["free"]) for m in group if m is not simple[0]], 9)
-        text += f". Nothing asks for more than {simple[0]['name']} has: {least} parameter{'s' * (least > 1)} instead of {more}"
-    return _said("info", text + ".", difference=pair["difference"], half_width=half)
+    least = min(m.free for m in group)
+    simple = [m for m in group if m.free == least]
+    known = all(equal(values[0], _rmse(m, part)) or own[m.name].half_width is not None for m in group[1:])
+    if len(simple) == 1 and known and _known(simple[0].bic) <= STRONG:
+        more = some([str(m.free) for m in group if m is not simple[0]], 9)
+        text += f". Nothing asks for more than {simple[0].name} has: {least} parameter{'s' * (least > 1)} instead of {more}"
+    return _said("info", text + ".", difference=pair.difference, half_width=half)
 
 
-def _criteria(record: Row, ranked: Sequence[Row]) -> dict[str, Any]:
+def _criteria(found: ComparisonOfModels, ranked: Sequence[ComparedModel]) -> Sentence:
     """What AICc and BIC choose; models within NEAR of the least have as much support."""
     chosen = {}
     for key, word in (("aicc", "AICc"), ("bic", "BIC")):
-        near = [m["name"] for m in ranked if _known(m[key]) <= NEAR]
-        chosen[word] = near or [min(ranked, key=lambda m: _known(m[key]))["name"]]
-    worth = f"{record['samples']} residuals count as {record['independent']:.0f} independent ones"
+        near = [m.name for m in ranked if _known(getattr(m, key)) <= NEAR]
+        chosen[word] = near or [min(ranked, key=lambda m: _known(getattr(m, key))).name]
+    worth = f"{found.samples} residuals count as {found.independent:.0f} independent ones"
     texts = {word: f"chooses {n[0]}" if len(n) == 1 else f"does not tell {some(n, 9)} apart" for word, n in chosen.items()}
     if chosen["AICc"] == chosen["BIC"]:
         both = texts["AICc"].replace("chooses", "choose").replace("does not", "do not")
@@ -150,34 +153,35 @@ def _criteria(record: Row, ranked: Sequence[Row]) -> dict[str, Any]:
     return _said("info", text)
 
 
-def _determined(ranked: Sequence[Row]) -> list[dict[str, Any]]:
-    counted = [m for m in ranked if m["determined"] is not None]
-    loose = [f"{m['name']} {m['determined']['count']} of {m['determined']['of']}" for m in counted]
-    if not counted or all(m["determined"]["count"] == m["determined"]["of"] for m in counted):
+def _determined(ranked: Sequence[ComparedModel]) -> list[Sentence]:
+    counted = {m.name: m.determined for m in ranked if m.determined is not None}
+    loose = [f"{name} {d.count} of {d.of}" for name, d in counted.items()]
+    if all(d.count == d.of for d in counted.values()):
         return [_said("good", "All parameters of all models are determined by the data.")] if counted else []
     return [
         _said("warning", f"Parameters that the data determine: {some(loose, 9)}. A model can predict well with values that mean nothing.")
     ]
 
 
-def _linear(record: Row, best: Row, linear: Row, part: str) -> dict[str, Any]:
-    pair = next(p for p in record["pairs"] if linear["name"] in (p["better"], p["worse"]))
-    unit, value, own = _unit(record), linear["rmse"][part], best["rmse"][part]
-    what = linear["sentence"] or linear["name"]
-    half = pair["half_width"]
-    decimals = places(half if half == half and half is not None else np.nan, [value, own])
-    if not pair["told"]:
-        gap = f" (difference {pair['difference']:.{decimals}f} ± {half:.{decimals}f})" if half == half else ""
-        text = f"{what} does as well as {best['name']}: RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit}{gap}."
+def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedModel, part: Part) -> Sentence:
+    pair = next(p for p in found.pairs if linear.name in (p.better, p.worse))
+    unit, value, own = _unit(found), _rmse(linear, part), _rmse(best, part)
+    what = linear.sentence or linear.name
+    half = pair.half_width
+    decimals = places(half, [value, own])
+    if not pair.told:
+        gap = "" if half is None else f" (difference {pair.difference:.{decimals}f} ± {half:.{decimals}f})"
+        text = f"{what} does as well as {best.name}: RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit}{gap}."
         return _said("info", text)
-    if pair["better"] == linear["name"]:
+    if pair.better == linear.name:
         text = (
-            f"{what} predicts better than {best['name']}: RMSE {_shown(value, decimals)} instead of {_shown(own, decimals)}{unit}, "
+            f"{what} predicts better than {best.name}: RMSE {_shown(value, decimals)} instead of {_shown(own, decimals)}{unit}, "
             f"{_by(pair, decimals)}. Something that a linear model has is missing in it; `plantfit diagnose` looks for what."
         )
         return _said("warning", text)
-    return _said("good", f"{what} reaches RMSE {_shown(value, decimals)}{unit}: {best['name']} predicts better, {_by(pair, decimals)}.")
+    return _said("good", f"{what} reaches RMSE {_shown(value, decimals)}{unit}: {best.name} predicts better, {_by(pair, decimals)}.")
 
 
-def _said(level: str, sentence: str, **figures: float | None) -> dict[str, Any]:
-    return {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items() if v is not None and np.isfinite(v)}}
+def _said(level: Level, sentence: str, **figures: float | None) -> Sentence:
+    known = {k: float(v) for k, v in figures.items() if v is not None and np.isfinite(v)}
+    return Sentence(level=level, sentence=sentence, figures=dict[str, float | None](known))

@@ -32,6 +32,7 @@ def track(
     if place is not None and Path(place).exists() and not force:
         raise StoreError(f"{place} is there already; choose another place for --out, or give --force.")
     from plantfit.estimators import check_estimable
+    from plantfit.findings.results.tracked import RaisedAlarm, Tracked
     from plantfit.tracking import track as tracker_of
 
     opened, one = one_given(given, store, lambda problem: check_estimable(problem, {}))
@@ -49,12 +50,13 @@ def track(
         rows.told(tracker.finish())
     written = {} if place is None else {"rows": place}
     if json:
-        alarms = [{**vars(a), "sentence": a.sentence} for a in tracker.alarms]
+        alarms = [RaisedAlarm(**{**vars(a), "alike": list(a.alike)}, sentence=a.sentence) for a in tracker.alarms]
         end = tracker.rows[-1] if tracker.rows else None
-        return print_json(
-            {"study": numbers[given], "samples": tracker.samples, "looks": tracker.changes.looks, "false_alarm": false_alarm,
-             "alarms": alarms, "end": end, "sentence": tracker.sentence, "written": written}
+        made = Tracked(
+            study=numbers[given], samples=tracker.samples, looks=tracker.changes.looks, false_alarm=false_alarm, alarms=alarms, end=end,
+            sentence=tracker.sentence, written=written,
         )  # fmt: skip
+        return print_json(made.printed())
     tell = warn if place is None else lambda text: out.print(text, markup=False)
     tell(tracker.sentence)
     if place is not None:

@@ -26,13 +26,13 @@ def look(path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | N
 
     fitted = {o: masks[0] for o in own_out} if masks else None
     unseen = {o: masks[1] for o in own_out} if masks else None
-    record = looked(recording, own_in, own_out, fitted, unseen)
-    write_case_page(look_page(record), to)
+    found = looked(recording, own_in, own_out, fitted, unseen)
+    write_case_page(look_page(found), to)
     if json:
-        return print_json({**record, "written": str(to)})
+        return print_json(found.printed(written=str(to)))
     words = f"input{'s' * (len(own_in) > 1)} {', '.join(own_in)}, output{'s' * (len(own_out) > 1)} {', '.join(own_out)}"
     out.print(f"{recording.name}: {words}", markup=False)
-    verdict(record)
+    verdict(found.plain())
     out.print(f"\nPage: {to}", markup=False)
 
 

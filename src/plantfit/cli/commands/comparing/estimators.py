@@ -26,12 +26,12 @@ def estimate(given: str, methods: Sequence[str], store: str, place: str | None, 
         found = estimate_parameters(answers[given], progress=say, table=table, **wishes)
     written = {} if place is None else {"report": str(found.report(Path(place)))}
     if json:
-        return print_json({**found.record, "study": numbers[given], "written": written})
+        return print_json(found.typed.printed(study=numbers[given], written=written))
     out.print(found.table() + "\n", markup=False)
-    verdict(dict(found.record))
-    if found.record["assumed"]:
+    verdict(found.record)
+    if found.typed.assumed:
         out.print("\nAssumed, as the study file does not say ([estimate], docs/kalman.md):", markup=False)
-        for sentence in found.record["assumed"]:
+        for sentence in found.typed.assumed:
             out.print(f"  {sentence}", markup=False)
     if written:
         out.print(f"\nReport: {written['report']}", markup=False)

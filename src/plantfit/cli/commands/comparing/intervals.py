@@ -74,8 +74,8 @@ def intervals(
     if save_draws and found.draws is not None:
         written["draws"] = str(found.save_draws(save_draws))
     if json:
-        return print_json({**found.record, "study": numbers[given], "written": written})
-    verdict(dict(found.record))
+        return print_json(found.typed.printed(study=numbers[given], written=written))
+    verdict(found.record)
     screen.print("\n" + found.table(), markup=False)
     screen.print(f"\nReport: {', '.join(written.values())}", markup=False)
 

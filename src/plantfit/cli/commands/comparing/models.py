@@ -35,9 +35,8 @@ def compare_models(
     found = compared(answers, linear=linear)
     path = found.report(place)
     if json:
-        short = {k: v for k, v in found.record.items() if k != "series"}
-        return print_json({**short, "studies": numbers, "written": {"report": str(path)}})
-    verdict(dict(found.record))
+        return print_json(found.typed.printed(studies=numbers, written={"report": str(path)}))
+    verdict(found.record)
     out.print("\n" + found.table(), markup=False)
     out.print(f"\nReport: {path}", markup=False)
 

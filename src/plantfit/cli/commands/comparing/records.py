@@ -27,8 +27,8 @@ def compare_records(given: str, store: str, place: str | None, workers: str | No
         found = compared(answers[given], progress=say)
     path = found.report(to)
     if json:
-        return print_json({**found.record, "study": numbers[given], "written": {"report": str(path)}})
-    verdict(dict(found.record))
+        return print_json(found.typed.printed(study=numbers[given], written={"report": str(path)}))
+    verdict(found.record)
     out.print("\n" + found.table(), markup=False)
     out.print(f"\nReport: {path}", markup=False)
 

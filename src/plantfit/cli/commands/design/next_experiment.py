@@ -1,7 +1,7 @@
 """`plantfit design`: the input to record next."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,11 +72,10 @@ def design(
 
     with said_line(quiet=json) as say:
         found = designed(answer, against=rival, progress=_progress(say), **asked)
-    record = found.record
-    files = _written(found, record, target, drawn)
+    files = _written(found, target, drawn)
     if json:
-        return print_json(record | {"files": [str(f) for f in files]})
-    _show(record)
+        return print_json(found.typed.printed(files=[str(f) for f in files]))
+    _show(found)
     from plantfit.cli.terminal.out import out as screen
 
     screen.print(f"Written: {', '.join(str(f) for f in files)}", markup=False)
@@ -97,7 +96,7 @@ def _progress(say: Callable[[str], None] | None) -> Callable[[int, int, float], 
     return tell
 
 
-def _written(found: "ExperimentDesign", record: Mapping[str, Any], target: Path, page: Path) -> list[Path]:
+def _written(found: "ExperimentDesign", target: Path, page: Path) -> list[Path]:
     from plantfit.recording import to_csv
     from plantfit.report.pages.next_experiment import write_next_experiment_page
 
@@ -105,17 +104,17 @@ def _written(found: "ExperimentDesign", record: Mapping[str, Any], target: Path,
     signals = {n: (found.recording[n], s.unit) for n, s in found.recording.signals.items()}
     outputs = found.answer.problem.model.outputs
     predicted = {n: (y, outputs[n]) for n, y in found.predicted().items()}
-    return [target, write_next_experiment_page(record, found.t, signals, predicted, page, target.name)]
+    return [target, write_next_experiment_page(found.typed, found.t, signals, predicted, page, target.name)]
 
 
-def _show(record: Mapping[str, Any]) -> None:
+def _show(found: "ExperimentDesign") -> None:
     """Verdict and table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
     from plantfit.report.pages.next_experiment import COLUMNS, asked, error_rows
     from plantfit.report.text import columns
 
-    verdict(dict(record))
-    for sentence in asked(record):
+    verdict(found.record)
+    for sentence in asked(found.typed):
         out.print(f"  {sentence}", markup=False)
-    rows: Sequence[tuple[str, ...]] = error_rows(record)
+    rows: Sequence[tuple[str, ...]] = error_rows(found.typed)
     out.print(columns(COLUMNS, rows, range(1, len(COLUMNS))), markup=False)

@@ -1,10 +1,11 @@
 """Several models over one measured output: all of them in one panel, the residuals of each below, on one time axis."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from plantfit.findings.results.models_compared import ModelSeries
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
@@ -15,10 +16,10 @@ MARKERS_UP_TO = 150  # samples that are drawn as points
 REACH = 0.999  # of the residuals that their axes show
 
 
-def overlay_figure(drawn: Mapping[str, Any], names: Sequence[str], points: int) -> Figure:
-    """One series of a comparison (`trust.which_model.comparison`); residuals share one scale, so that they can be compared by eye."""
-    t, measured = np.array(drawn["t"], dtype=float), np.array(drawn["measured"], dtype=float)
-    simulated = {n: np.array(drawn["simulated"][n], dtype=float) for n in names}
+def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Figure:
+    """One series of a comparison; residuals share one scale, so that they can be compared by eye."""
+    t, measured = np.array(drawn.t, dtype=float), np.array(drawn.measured, dtype=float)
+    simulated = {n: np.array(drawn.simulated[n], dtype=float) for n in names}
     heights = [TOP_PANEL] + [PANEL] * len(names)
     total = sum(heights) + GAP * len(names)
     tops = [total - sum(heights[:k]) - GAP * k for k in range(len(heights))]
@@ -27,7 +28,7 @@ def overlay_figure(drawn: Mapping[str, Any], names: Sequence[str], points: int) 
     few = len(t) <= MARKERS_UP_TO
     look = {"mode": "markers", "marker": {"size": 5, "color": style.MEASURED}} if few else {}
     data = [_line("measured", t, measured, 0, points, style.MEASURED, 2.6, showlegend=True, **look)]
-    notes = [style.heading(with_unit(drawn["output"], drawn["unit"]), 0, domains[0][1])]
+    notes = [style.heading(with_unit(drawn.output, drawn.unit), 0, domains[0][1])]
     errors = [np.abs(measured - y) for y in simulated.values()]
     known = np.concatenate([e[np.isfinite(e)] for e in errors]) if errors else np.zeros(0)
     reach = 1.1 * float(np.quantile(known, REACH)) if len(known) and np.any(known > 0) else 1.0
@@ -35,7 +36,7 @@ def overlay_figure(drawn: Mapping[str, Any], names: Sequence[str], points: int) 
         colour = style.SERIES[k % len(style.SERIES)]
         data.append(_line(name, t, y, 0, points, colour, 1.4, showlegend=True))
         data.append(_line(f"residual of {name}", t, measured - y, k + 1, points, colour, 1))
-        text = with_unit(f"residual of {name}", drawn["unit"])
+        text = with_unit(f"residual of {name}", drawn.unit)
         notes.append(style.heading(text, 0, domains[k + 1][1], font=style.SMALL))
         layout[f"yaxis{k + 2}"] = style.axis(
             domain=domains[k + 1], nticks=4, range=[-reach, reach], zeroline=True, zerolinecolor=style.MUTED
@@ -47,7 +48,7 @@ def overlay_figure(drawn: Mapping[str, Any], names: Sequence[str], points: int) 
             "time [s]" if last else "", anchor="y" + number, showticklabels=last, **({} if k == 0 else {"matches": "x"})
         )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 8.0 / total}
-    return {"data": data, "layout": layout | {"shapes": _zones(t, drawn["part"], len(heights)), "annotations": notes}}
+    return {"data": data, "layout": layout | {"shapes": _zones(t, drawn.part, len(heights)), "annotations": notes}}
 
 
 def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any) -> dict[str, Any]:

@@ -1,10 +1,11 @@
 """Figures of a first look: frequency response with bands and coherence, step response, cross-correlation."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from plantfit.findings.record import array
+from plantfit.findings.results.first_look import InputToOutput
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import unit_label
@@ -12,25 +13,25 @@ from plantfit.report.numbers import unit_label
 PANEL, GAP, TOP, BOTTOM = 170, 34, 58, 46  # pixels
 
 
-def bode_figure(pair: Mapping[str, Any], output: str, unit: str | None) -> Figure:
+def bode_figure(pair: InputToOutput, output: str, unit: str | None) -> Figure:
     """Gain, phase and coherence over frequency, with 95 % bands and the linear model."""
-    f = np.array(pair["f"], dtype=float)
-    gain, phase, radius = (np.array(pair[k], dtype=float) for k in ("gain", "phase", "radius"))
+    f = array(pair.f)
+    gain, phase, radius = (array(v) for v in (pair.gain, pair.phase, pair.radius))
     low, high = np.maximum(gain - radius, 1e-3 * np.nanmax(gain)), gain + radius
     angle = np.degrees(np.arcsin(np.minimum(radius / np.maximum(gain, 1e-300), 1.0)))
     angle = np.where(radius < gain, angle, 180.0)
-    per = f"{unit_label(unit) or '1'}/{unit_label(pair['unit']) or '1'}"
+    per = f"{unit_label(unit) or '1'}/{unit_label(pair.unit) or '1'}"
     height = 3 * PANEL + 2 * GAP
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     tops = [height - k * (PANEL + GAP) for k in range(3)]
     domains = [[max(0.0, (t - PANEL) / height), t / height] for t in tops]
     data = [
-        *_band(f, gain, low, high, 0, "measured, 95 %", True), _line(f, pair["model_gain"], 0, "linear model", True),
+        *_band(f, gain, low, high, 0, "measured, 95 %", True), _line(f, pair.model_gain, 0, "linear model", True),
         *_band(f, phase, phase - angle, phase + angle, 1, "", False),
-        _line(f, _near(pair["model_phase"], phase, gain, radius), 1, "", False),
-        _line(f, pair["coherence"], 2, "", False, style.SERIES[2]),
+        _line(f, _near(pair.model_phase, phase, gain, radius), 1, "", False),
+        _line(f, pair.coherence, 2, "", False, style.SERIES[2]),
     ]  # fmt: skip
-    names = (f"gain {output}/{pair['input']} [{per}]", "phase [degrees]", "coherence")
+    names = (f"gain {output}/{pair.input} [{per}]", "phase [degrees]", "coherence")
     layout["yaxis"] = style.log_axis("", np.concatenate([low, high]), domain=domains[0])
     layout["yaxis2"] = style.axis(domain=domains[1], nticks=5, range=_middle(phase, radius < gain))
     layout["yaxis3"] = style.axis(domain=domains[2], nticks=5, range=[0, 1.05])
@@ -43,14 +44,14 @@ def bode_figure(pair: Mapping[str, Any], output: str, unit: str | None) -> Figur
     return {"data": data, "layout": layout | {"annotations": notes}}
 
 
-def step_figure(pair: Mapping[str, Any], output: str, unit: str | None) -> Figure:
+def step_figure(pair: InputToOutput, output: str, unit: str | None) -> Figure:
     """Answer to a step of one unit of the input, with its 95 % band."""
-    t, y, half = (np.array(pair[k], dtype=float) for k in ("step_t", "step", "step_half"))
+    t, y, half = (array(v) for v in (pair.step_t, pair.step, pair.step_half))
     layout = style.layout(260, showlegend=True, hovermode="x")
     label = unit_label(unit)
     layout["yaxis"] = style.axis(f"{output} [{label}]" if label else output, zeroline=True, zerolinecolor=style.MUTED)
     layout["xaxis"] = style.axis("time after the step [s]")
-    layout["annotations"] = [style.heading(f"{output} after a step of {pair['input']} by 1 {unit_label(pair['unit'])}".rstrip(), 0, 1)]
+    layout["annotations"] = [style.heading(f"{output} after a step of {pair.input} by 1 {unit_label(pair.unit)}".rstrip(), 0, 1)]
     return {"data": _band(t, y, y - half, y + half, 0, "linear model, 95 %", True), "layout": layout}
 
 

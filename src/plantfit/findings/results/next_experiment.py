@@ -1,0 +1,96 @@
+"""`plantfit design`: the input of the next experiment."""
+
+from typing import Literal
+
+from plantfit.findings.record import Number, Printed, Record, Samples
+from plantfit.findings.verdict import Sentence
+
+
+class DesignedInput(Record):
+    """What an input may do."""
+
+    name: str
+    unit: str | None
+    low: float
+    high: float
+    slew: Number
+    """Fastest change per second; None for any."""
+
+
+class SignalLimit(Record):
+    """Limits of an output or a state, and from where to where it goes, on all plants."""
+
+    low: Number
+    high: Number
+    reached: Samples
+    unit: str | None
+
+
+class OutputWithoutLimit(Record):
+    """From where to where an output went in the recordings, and where it will go."""
+
+    name: str
+    unit: str | None
+    seen: Samples
+    reached: Samples
+
+
+class InputGain(Record):
+    """The best input of another kind within the same limits."""
+
+    kind: str
+    name: str
+    times: Number
+    """How many times larger its errors are in the mean, or closer the models."""
+
+
+class ErrorsAfter(Record):
+    """Standard errors of a parameter in its unit; None where it is as good as unknown."""
+
+    name: str
+    unit: str | None
+    value: float
+    now: Number
+    then: Number
+    """With the new recording beside the old ones."""
+    worst: Number
+    """Likewise, the largest over the plants."""
+    alone: Number
+    """With the new recording alone."""
+    open: bool
+    """Whether the new recording does not determine it."""
+
+
+class NextExperiment(Printed):
+    """What `pf.design` finds; the input itself is a file of signals."""
+
+    name: str
+    samples: int
+    period: float
+    """s"""
+    seconds: float
+    inputs: list[DesignedInput]
+    limits: dict[str, SignalLimit]
+    outputs: list[OutputWithoutLimit]
+    criterion: Literal["D", "A", "difference"]
+    chosen: list[str]
+    """Parameters that shall become certain; empty for all."""
+    plants: int
+    """That the input has to serve."""
+    noise: dict[str, float]
+    """Standard deviation by output."""
+    inflation: float
+    """How many times larger the variances are than those of white residuals."""
+    kind: str
+    shape: str
+    """Of the input that was found."""
+    compared: list[InputGain]
+    tried: int
+    parameters: list[ErrorsAfter]
+    distance: Number = None
+    """Of two models under the input, in standard deviations."""
+    against: str | None = None
+    """The other model."""
+    verdict: list[Sentence] = []
+    files: list[str] = []
+    """Written by the command; `--json` alone."""
