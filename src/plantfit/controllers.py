@@ -337,7 +337,11 @@ def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str,
     period = given("period", "s")
     seconds, prediction = given("horizon", "s"), given("prediction", "s")
     per_second = f"({unit_u})/s" if unit_u else "1/s"
-    ends = {"rate": given("rate", per_second), "output_lower": given("output_lower", unit_y), "output_upper": given("output_upper", unit_y)}
+    ends: dict[str, Any] = {
+        "rate": given("rate", per_second),
+        "output_lower": given("output_lower", unit_y),
+        "output_upper": given("output_upper", unit_y),
+    }
     if period is None:
         dt = float(np.median(np.diff(own.t)))
         rest = best.at_rest(level, starts)

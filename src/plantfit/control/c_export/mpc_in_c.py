@@ -7,6 +7,7 @@ from string import Template
 import numpy as np
 
 from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, literal, table, write_c
+from plantfit.control.c_export.servo_in_c import plant_in_c
 from plantfit.control.linear.predictive.quadratic import RELAXATION
 from plantfit.control.linear.predictive.servo_mpc import STEPS, Predictive, multiplications
 
@@ -37,12 +38,7 @@ enum { AHEAD = ${ahead} };
 #define Y0 ${y0}
 #define SHARE ${share} /* of the way to the set point, in a period */
 
-static const ${real} A[STATES][STATES] = ${A};
-static const ${real} B[STATES][PAST + 1] = ${B}; /* of the inputs, the newest first */
-static const ${real} C[STATES] = ${C};
-static const ${real} D = ${D}; /* of the last input */
-static const ${real} gain[STATES] = ${gain}; /* of what the prediction misses */
-static const ${real} rest[STATES] = ${rest}; /* states and input that rest where the measurement is 1 higher */
+${matrices}static const ${real} rest[STATES] = ${rest}; /* states and input that rest where the measurement is 1 higher */
 
 /* what the inputs on their way will make of the states, less what rests at the set point */
 static const ${real} X[AHEAD][STATES] = ${X};
@@ -60,16 +56,7 @@ ${clips}    return value;
 
 void ${name}_init(struct ${name} *state, ${real} measurement, ${real} command)
 {
-    const ${real} y = measurement - Y0, u = command - U0;
-    int i;
-    for (i = 0; i < STATES; i++)
-        state->x[i] = rest[i] * y;
-    state->x[STATES - 1] -= u;
-    state->past[0] = u;
-    for (i = 1; i < PAST; i++)
-        state->past[i] = u;
-    state->followed = y;
-    state->last = u;
+${begun}    state->last = u;
     for (i = 0; i < ROWS; i++)
         state->moved[i] = state->multipliers[i] = ${zero};
 }
@@ -118,17 +105,7 @@ ${real} ${name}_update(struct ${name} *state, ${real} measurement, ${real} refer
 ${first}    solved(state, planned);
     command = planned[0] + state->moved[0];
 ${slow}    command = clipped(command, 0);
-    for (i = 0; i < STATES; i++) {
-        state->x[i] = B[i][0] * command;
-        for (k = 0; k < STATES; k++)
-            state->x[i] += A[i][k] * x[k];
-        for (k = 0; k < PAST; k++)
-            state->x[i] += B[i][k + 1] * state->past[k];
-    }
-    for (i = PAST - 1; i > 0; i--)
-        state->past[i] = state->past[i - 1];
-    state->past[0] = command;
-    state->last = command;
+${predicted}    state->last = command;
     return command + U0;
 }
 """)
@@ -177,7 +154,7 @@ def servo_mpc_to_c(
     told_rows = (f", {inputs} changes of the input" if rated else "") + (f", {watched} outputs" if watched else "")
     ends, clips = _ends(low, high, number)
     defined = DEFINED.substitute(
-        common,
+        common | plant_in_c(arrays, float(s.D), number),
         told_rows=told_rows,
         ends=ends,
         clips=clips,
@@ -185,8 +162,8 @@ def servo_mpc_to_c(
         overstepped=literal(RELAXATION - 1.0, number),
         first=f"    planned[{inputs}] -= state->last;\n" if rated else "",
         slow=SLOW.substitute(rate=literal(float(rate), number)) if rated else "",
-        **{key: literal(float(arrays[key]), number) for key in ("u0", "y0", "share", "D")},
-        **{key: table(arrays[key], number) for key in ("A", "B", "C", "gain", "rest", "X", "Q", "g", "free", "project", "yielding")},
+        **{key: literal(float(arrays[key]), number) for key in ("u0", "y0", "share")},
+        **{key: table(arrays[key], number) for key in ("rest", "X", "Q", "g", "free", "project", "yielding")},
     )
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     slow = f", its change in a sample to {float(rate):g}" if rated else ""

@@ -110,9 +110,10 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
         if record.get("plan"):
             form, plan = "MPC", (len(record["plan"]["moves"]), w["rate"] is not None)
             task = Prepared(_array(best["project"]), _array(best["yielding"]))
-            ends = np.nan_to_num(_array(best["low"]), nan=-np.inf), np.nan_to_num(_array(best["high"]), nan=np.inf)
+            low, high = np.nan_to_num(_array(best["low"]), nan=-np.inf), np.nan_to_num(_array(best["high"]), nan=np.inf)
             rate = np.inf if best["rate"] is None else best["rate"]
-            parameters = Predictive(parameters, Plan(*(_array(best[n]) for n in ("X", "Q", "g", "free")), task, *ends, np.asarray(rate)))
+            x, q, g, free = (_array(best[n]) for n in ("X", "Q", "g", "free"))
+            parameters = Predictive(parameters, Plan(x, q, g, free, task, low, high, np.asarray(rate)))
     return Tuned(
         form, parameters, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]), float(w["step"]), name,
         _seconds(record), plan,

@@ -110,7 +110,8 @@ class PlanShape:
         weight = rho / plant.u_size**2 + ahead.drive[:, 0] @ cost @ ahead.drive[:, 0]
         task = prepared(jnp.diag(jnp.asarray(lengths, dtype=float)) * weight, jnp.concatenate(moved), np.concatenate(weights))
         x, q, g = self._from_state()
-        plan = Plan(x, q, g, jnp.concatenate(free), task, *(jnp.asarray(np.concatenate(v)) for v in (low, high)), jnp.asarray(self.high[1]))
+        least, most = (jnp.asarray(np.concatenate(v)) for v in (low, high))
+        plan = Plan(x, q, g, jnp.concatenate(free), task, least, most, jnp.asarray(self.high[1]))
         return Predictive(servo, plan)
 
     def _from_state(self) -> tuple[Any, Any, Any]:

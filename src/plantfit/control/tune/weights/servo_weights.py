@@ -109,7 +109,7 @@ class ServoPlant:
     def regulator(self, rho: Any) -> tuple[Any, Any]:
         """Gain (m,) and cost-to-go (m, m) on the states of `advanced`, of least sum of (y/step)^2 + rho (u/u_size)^2; jax-traceable."""
         ahead = self.advanced
-        q, r = jnp.outer(ahead.seen, ahead.seen) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
+        q, r = jnp.asarray(np.outer(ahead.seen, ahead.seen)) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
         gain, cost = doubled(jnp.asarray(ahead.moves), jnp.asarray(ahead.drive), q, r)
         return gain[0], cost
 
