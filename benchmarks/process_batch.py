@@ -65,7 +65,7 @@ def processes() -> dict[str, Process]:
     found |= {f"P5 a={a:g}": chain(f"1/((1 + s)(1 + {a:g}s)(1 + {a:g}^2 s)(1 + {a:g}^3 s))", [a**k for k in range(4)]) for a in (0.2, 0.5)}
     tank = "a' = (delay(u, L) - a)/T1\ny' = a\nz = y"
     found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "T1": 0.7})
-    found["P7 T=5"] = chain("e^-0.3s/((1 + 5s)(1 + 0.7s))", [5.0, 0.7], 0.3)
+    found["P7 T=5"] = chain("5e^-0.3s/((1 + 5s)(1 + 0.7s))", [5.0, 0.7], 0.3, ahead="t0*x1")
     for a in (0.3, 1.0):
         inverse = chain(f"(1 - {a:g}s)/(s + 1)^3", [1.0] * 3, ahead="x2 - a*(x1 - x2)/t2")
         found[f"P8 a={a:g}"] = Process(inverse.written, inverse.text, inverse.parameters | {"a": a})

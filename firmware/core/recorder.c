@@ -127,6 +127,19 @@ static void values(const char *p)
     send();
 }
 
+/* A controller on the host: the drive from now on. A motor that the watchdog stopped stays so until a new S. */
+static void driven(const char *p)
+{
+    uint32_t session;
+    int32_t value;
+    if (!line_unsigned(&p, &session) || !line_integer(&p, &value)) return;
+    if (session != now.session || !now.streaming || now.total || now.state == PF_WATCHDOG) return;
+    if (value > hal_board()->drive_limit) value = hal_board()->drive_limit;
+    if (value < -hal_board()->drive_limit) value = -hal_board()->drive_limit;
+    now.state = PF_DRIVEN;
+    drive((int16_t)value);
+}
+
 static void stop(const char *p)
 {
     uint32_t session;
@@ -155,6 +168,7 @@ static void obey(const char *text)
         break;
     case 'S': start(p); break;
     case 'U': values(p); break;
+    case 'V': driven(p); break;
     case 'W': break; /* only a sign of life */
     case 'X': stop(p); break;
     default: refuse("unknown command");

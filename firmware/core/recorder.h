@@ -5,7 +5,7 @@
 #include <stdint.h>
 
 #define PF_VERSION 1
-#define PF_FIRMWARE "0.1"
+#define PF_FIRMWARE "0.2"
 
 #ifdef __AVR__
 #define PF_BUFFER 128 /* of 2 KiB of memory in all */
@@ -14,7 +14,7 @@
 #endif
 #define PF_PREFILL (PF_BUFFER / 2)
 
-enum pf_state { PF_RESTING, PF_PLAYING, PF_FINISHED, PF_WATCHDOG, PF_STARVED };
+enum pf_state { PF_RESTING, PF_PLAYING, PF_FINISHED, PF_WATCHDOG, PF_STARVED, PF_DRIVEN };
 
 void recorder_start(void);
 /* One round of the main loop: bytes, watchdog, and a sample if one is due. */

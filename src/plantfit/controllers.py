@@ -11,11 +11,12 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.answer import Answer
+from plantfit.control.linear.predictive.servo_mpc import STEPS, multiplications
 from plantfit.control.pid import Gains, gain_units
 from plantfit.control.tune.loop_design import MOST_SAMPLES, LoopDesign, course_seconds, tuned_loop
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
-from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.reduction import reduced, slowest
 from plantfit.control.tune.stated import JUDGES, given_draws, toleranced
 from plantfit.control.tune.told import curves, table, verdict
 from plantfit.control.tune.wishes import Wishes
@@ -31,13 +32,15 @@ TRAIN = 80  # plants that gains are searched on; others judge them
 SHARES = (0.2, 0.35, 0.5, 0.8, 0.1, 0.05)  # of the recorded range of the output: steps that are proposed
 ALLOWED, STATED, GIVEN = "that the data allow", "within the stated tolerances", "of the given draws"
 RESOLVED = 5.0  # steps of the sensor that a proposed step of the set point has at least, where the range is as large
+PLAN_SAMPLES = 60  # of an MPC, in lag and dead time of its plant
+MPC_PERIOD = f", no longer than a {PLAN_SAMPLES}th of lag and dead time: a plan of few moves then sees all that an input does"
 LOADS = (0.1, 0.05, 0.02)  # of the input's range
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A tuned controller: `parameters` of it (`Gains` of a PID, `Servo` of an LQI), `design` with all that it was judged by, `proposed`
-    what was not asked for and where it is from.
+    """A tuned controller: `parameters` of it (`Gains` of a PID, `Servo` of an LQI, `Predictive` of an MPC), `design` with all that it was
+    judged by, `proposed` what was not asked for and where it is from.
 
     `record` is plain data for JSON; `verdict` its sentences.
     """
@@ -57,7 +60,7 @@ class Controller:
 
     @property
     def parameters(self) -> Any:
-        """Of the controller tuned on all plants, in the study's units: `Gains` or `Servo`."""
+        """Of the controller tuned on all plants, in the study's units: `Gains`, `Servo` or `Predictive`."""
         return self.design.best.parameters
 
     @property
@@ -96,10 +99,22 @@ class Controller:
                 "how": d.reduced.how, "gain": d.reduced.first_order[0], "lag": lag, "dead_time": dead, "integrating": d.reduced.integrating,
                 "second_order": list(d.reduced.second_order),
             },
+            "plan": self._plan(),
             "held": d.held,
             "promised": d.promised,
             "controllers": table(d),
             "verdict": self.verdict,
+        }  # fmt: skip
+
+    def _plan(self) -> dict[str, Any] | None:
+        """What an MPC does every sample; None for another form."""
+        best, plan = self.design.best, self.design.best.form.plan
+        if plan is None:
+            return None
+        dead = plan.plant.ahead * plan.plant.period
+        return {
+            "seconds": plan.seconds, "dead_time": dead, "moves": plan.lengths.tolist(), "rows": len(best.parameters.plan.low),
+            "steps": STEPS, "multiplications": multiplications(best.parameters),
         }  # fmt: skip
 
     @property
@@ -108,17 +123,20 @@ class Controller:
         return curves(self.design)
 
     def to_c(self, folder: str | Path, name: str | None = None, number: str = "double", **more: Any) -> "CFiles":
-        """The controller as NAME.h and NAME.c (`control.c_export`: pid_to_c, servo_to_c)."""
-        from plantfit.control.c_export import pid_to_c, servo_to_c
+        """The controller as NAME.h and NAME.c (`control.c_export`: pid_to_c, servo_to_c, servo_mpc_to_c)."""
+        from plantfit.control.c_export import pid_to_c, servo_mpc_to_c, servo_to_c
 
         w, model, best = self.design.wishes, self.design.family.model, self.design.best
         told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
         first = self.verdict[0]["sentence"]
         shared: dict[str, Any] = {
-            "period": w.period, "lower": w.lower, "upper": w.upper, "number": number,
+            "period": w.period, "number": number,
             "name": name or c_name(self.answer.problem.name, best.form.name), "units": {k: v for k, v in told.items() if v},
             "note": f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
         }  # fmt: skip
+        if best.form.plan is not None:
+            return servo_mpc_to_c(best.parameters, folder, inputs=len(best.form.plan.lengths), rated=best.form.plan.rated, **shared)
+        shared |= {"lower": w.lower, "upper": w.upper}
         if not isinstance(best.parameters, Gains):
             return servo_to_c(best.parameters, folder, **shared)
         return pid_to_c(best.parameters, folder, anti_windup=w.anti_windup, tracking_time=self.design.tracking_time, **shared)
@@ -133,7 +151,7 @@ class Controller:
 def c_name(name: str, form: str) -> str:
     """A study's name as a name of C, with that of the controller."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "controller"
-    return f"{word if word[0].isalpha() else f'c_{word}'}_{'lqi' if form == 'LQI' else 'pid'}"
+    return f"{word if word[0].isalpha() else f'c_{word}'}_{form.lower() if form in ('LQI', 'MPC') else 'pid'}"
 
 
 def tune(
@@ -146,13 +164,13 @@ def tune(
     draws: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Controller:
-    """A PID or LQI for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
+    """A PID, LQI or MPC for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
 
     The plants are others where tolerances={"tau": "10 %"} states them (evenly within value +- tolerance, all other parameters held), or
     where `draws` holds them: arrays (n,) by name of the model's parameters, 100 plants or more.
 
     `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units or texts with a
-    unit, such as set_point="60 degC", output="T1", controller="lqi", plants=500. They count before `control`, the table itself, by
+    unit, such as set_point="60 degC", output="T1", controller="mpc", plants=500. They count before `control`, the table itself, by
     default that of the answer's study file; what both leave out is proposed. Raises SimulationError for a plant that cannot be tuned so,
     SpecError and UnitError for wishes.
     """
@@ -172,6 +190,12 @@ def tune(
     final = _wishes(answer, loop, chosen, recording, proposed)
     train, fresh = np.arange(0, TRAIN + 1), np.r_[0, np.arange(TRAIN + 1, TRAIN + 1 + count)]
     design = tuned_loop(loop.part(train), loop.part(fresh), final, budget=budget, seed=seed, progress=progress)
+    plan = design.best.form.plan
+    if plan is not None and final.prediction is None:
+        proposed["prediction"] = (
+            f"{plan.seconds:.4g} s: the dead time of {plan.plant.ahead * plan.plant.period:.4g} s, and then as long as the plant's lag and "
+            "dead time; after it the LQ servo goes on"
+        )
     judged = replace(drawn, values=drawn.values[fresh][design.rows_used])
     return Controller(answer, design, judged, proposed, output, input_, how)
 
@@ -314,20 +338,38 @@ def _wishes(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: str,
         if getattr(chosen, name) is None:
             proposed[name] = f"{value:.5g} {unit or ''}, {told}"
     period = given("period", "s")
-    seconds = given("horizon", "s")
+    seconds, prediction = given("horizon", "s"), given("prediction", "s")
+    per_second = f"({unit_u})/s" if unit_u else "1/s"
+    ends: dict[str, Any] = {
+        "rate": given("rate", per_second),
+        "output_lower": given("output_lower", unit_y),
+        "output_upper": given("output_upper", unit_y),
+    }
     if period is None:
         dt = float(np.median(np.diff(own.t)))
         rest = best.at_rest(level, starts)
         total = seconds or (course_seconds(reduced(rest, 0.5 * dt)) if np.all(np.isfinite(rest.A)) else dt)
         times = max(1, int(total / dt / MOST_SAMPLES))
+        why = ""
+        if chosen.controller == "mpc" and np.all(np.isfinite(rest.A)):
+            times, why = max(times, int(_plan_period(rest, dt) / dt)), MPC_PERIOD
         period = dt * times
         proposed["period"] = (
-            f"{period:.6g} s, {'the sampling of the recording' if times == 1 else f'every {times}th sample of the recording'}"
+            f"{period:.6g} s, {'the sampling of the recording' if times == 1 else f'one in {times} samples of the recording'}{why}"
         )
     standard = {"overshoot": 10.0, "ms": 1.6, "share": 0.95, "input_noise": 0.05, "anti_windup": "clamping"}
     asked = {n: getattr(chosen, n) if getattr(chosen, n) is not None else v for n, v in standard.items()}
     proposed.update({n: f"{v}" for n, v in standard.items() if getattr(chosen, n) is None})
-    return Wishes(level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=seconds, **asked)
+    return Wishes(
+        level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=seconds,
+        prediction=prediction, **asked, **{k: v for k, v in ends.items() if v is not None},
+    )  # fmt: skip
+
+
+def _plan_period(rest: Any, dt: float) -> float:
+    """Seconds that leave `PLAN_SAMPLES` to lag and dead time, and four at least to the dead time."""
+    late = [float(v) for v in rest.late[0] if v > 0]
+    return min([slowest(reduced(rest, 0.5 * dt)) / PLAN_SAMPLES, *(0.25 * v for v in late)])
 
 
 def _first_held(levels, steps, loads, needs, lower: float, upper: float) -> tuple[float, float, float]:

@@ -34,7 +34,7 @@ class PidProgram:
     """A PID as exported: `begin(measurement)`, `update(measurement, reference)`; whole numbers in fixed point."""
 
     def __init__(self, files, number: str):
-        self.name, self.kind, self.state = Path(files.source).stem, TYPES[number], ctypes.create_string_buffer(256)
+        self.name, self.kind, self.state = Path(files.source).stem, TYPES[number], ctypes.create_string_buffer(4096)
         library = compiled(files)
         self._init, self._update = getattr(library, f"{self.name}_init"), getattr(library, f"{self.name}_update")
         self._init.argtypes, self._init.restype = (ctypes.c_void_p, self.kind), None

@@ -8,7 +8,7 @@ from plants import CARTS, PERIOD, STICK, carts, stick, upright
 
 from plantfit.control import discretised, kalman_observer, linearised, lqr, mpc
 from plantfit.control.linear.lqr import regulator
-from plantfit.control.linear.quadratic import Split, prepared, solved
+from plantfit.control.linear.predictive.quadratic import Split, prepared, solved
 from plantfit.errors import SimulationError
 
 import jax

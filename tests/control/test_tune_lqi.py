@@ -18,8 +18,8 @@ from plantfit.control.tune.frequency import frequencies, input_matrices, margins
 from plantfit.control.tune.loop_design import judged_on
 from plantfit.control.tune.loop_scores import Judge, from_rest
 from plantfit.control.tune.reduction import reduced
-from plantfit.control.tune.servo_weights import ServoPlant
 from plantfit.control.tune.told import table, verdict
+from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.errors import SimulationError
 from plantfit.models.text.equations import equations
 

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from plantfit.control.linear.kalman import Estimator, kalman_observer
     from plantfit.control.linear.linear_plant import LinearPlant, discretised, equilibrium, linearised
     from plantfit.control.linear.lqr import lqr
-    from plantfit.control.linear.mpc import mpc
-    from plantfit.control.linear.offset_free import offset_free_mpc
     from plantfit.control.linear.pid_per_output import pid_per_output
+    from plantfit.control.linear.predictive.mpc import mpc
+    from plantfit.control.linear.predictive.offset_free import offset_free_mpc
     from plantfit.control.linear.takagi_sugeno import takagi_sugeno
     from plantfit.control.pid import Gains, pid
     from plantfit.control.steps.robust import Demand, Tuned, costs_over, judged, robust_tuning, stacked_controllers
@@ -67,8 +67,8 @@ names_of(
         "linear.kalman": "Estimator kalman_observer",
         "linear.linear_plant": "LinearPlant discretised equilibrium linearised",
         "linear.lqr": "lqr",
-        "linear.mpc": "mpc",
-        "linear.offset_free": "offset_free_mpc",
+        "linear.predictive.mpc": "mpc",
+        "linear.predictive.offset_free": "offset_free_mpc",
         "pid": "Gains pid",
         "linear.pid_per_output": "pid_per_output",
         "steps.robust": "Demand Tuned costs_over judged robust_tuning stacked_controllers",

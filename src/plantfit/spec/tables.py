@@ -174,13 +174,17 @@ class ControlTable(_Table):
 
     output: str | None = None
     input: str | None = None
-    controller: Literal["pid", "pi", "lqi"] = "pid"
+    controller: Literal["pid", "pi", "lqi", "mpc"] = "pid"
     set_point: float | str | None = None
     step: float | str | None = None
     load: float | str | None = None
     period: float | str | None = None
     lower: float | str | None = None
     upper: float | str | None = None
+    rate: float | str | None = None
+    output_lower: float | str | None = None
+    output_upper: float | str | None = None
+    prediction: float | str | None = None
     quantum: float | str | None = None
     noise: float | str | None = None
     overshoot: float | None = Field(None, gt=0)

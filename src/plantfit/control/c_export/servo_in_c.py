@@ -28,6 +28,37 @@ void ${name}_init(struct ${name} *state, ${real} measurement, ${real} command);
 ${real} ${name}_update(struct ${name} *state, ${real} measurement, ${real} reference);
 """)
 
+MATRICES = Template("""static const ${real} A[STATES][STATES] = ${A};
+static const ${real} B[STATES][PAST + 1] = ${B}; /* of the inputs, the newest first */
+static const ${real} C[STATES] = ${C};
+static const ${real} D = ${D}; /* of the last input */
+static const ${real} gain[STATES] = ${gain}; /* of what the prediction misses */
+""")
+
+# the state at rest, and after a command
+BEGUN = """    const {real} y = measurement - Y0, u = command - U0;
+    int i;
+    for (i = 0; i < STATES; i++)
+        state->x[i] = rest[i] * y;
+    state->x[STATES - 1] -= u;
+    state->past[0] = u;
+    for (i = 1; i < PAST; i++)
+        state->past[i] = u;
+    state->followed = y;
+"""
+
+PREDICTED = """    for (i = 0; i < STATES; i++) {
+        state->x[i] = B[i][0] * command;
+        for (k = 0; k < STATES; k++)
+            state->x[i] += A[i][k] * x[k];
+        for (k = 0; k < PAST; k++)
+            state->x[i] += B[i][k + 1] * state->past[k];
+    }
+    for (i = PAST - 1; i > 0; i--)
+        state->past[i] = state->past[i - 1];
+    state->past[0] = command;
+"""
+
 DEFINED = Template("""enum { STATES = ${UPPER}_STATES, PAST = ${UPPER}_PAST };
 
 #define U0 ${u0} /* the command and the measurement about which the plant was linearised */
@@ -35,12 +66,7 @@ DEFINED = Template("""enum { STATES = ${UPPER}_STATES, PAST = ${UPPER}_PAST };
 #define F ${f} /* of the set point */
 #define SHARE ${share} /* of the way to it, in a period */
 
-static const ${real} A[STATES][STATES] = ${A};
-static const ${real} B[STATES][PAST + 1] = ${B}; /* of the inputs, the newest first */
-static const ${real} C[STATES] = ${C};
-static const ${real} D = ${D}; /* of the last input */
-static const ${real} gain[STATES] = ${gain}; /* of what the prediction misses */
-static const ${real} K[STATES] = ${K};
+${matrices}static const ${real} K[STATES] = ${K};
 static const ${real} P[${room}] = ${P};
 static const ${real} rest[STATES] = ${rest}; /* states and input that rest where the measurement is 1 higher */
 
@@ -57,16 +83,7 @@ static void corrected(const struct ${name} *state, ${real} y, ${real} *x)
 
 void ${name}_init(struct ${name} *state, ${real} measurement, ${real} command)
 {
-    const ${real} y = measurement - Y0, u = command - U0;
-    int i;
-    for (i = 0; i < STATES; i++)
-        state->x[i] = rest[i] * y;
-    state->x[STATES - 1] -= u;
-    state->past[0] = u;
-    for (i = 1; i < PAST; i++)
-        state->past[i] = u;
-    state->followed = y;
-}
+${begun}}
 
 ${real} ${name}_update(struct ${name} *state, ${real} measurement, ${real} reference)
 {
@@ -80,19 +97,16 @@ ${real} ${name}_update(struct ${name} *state, ${real} measurement, ${real} refer
         command -= K[i] * x[i];
     for (i = 0; i < PAST; i++)
         command -= P[i] * state->past[i];
-${clip}    for (i = 0; i < STATES; i++) {
-        state->x[i] = B[i][0] * command;
-        for (k = 0; k < STATES; k++)
-            state->x[i] += A[i][k] * x[k];
-        for (k = 0; k < PAST; k++)
-            state->x[i] += B[i][k + 1] * state->past[k];
-    }
-    for (i = PAST - 1; i > 0; i--)
-        state->past[i] = state->past[i - 1];
-    state->past[0] = command;
-    return command + U0;
+${clip}${predicted}    return command + U0;
 }
 """)
+
+
+def plant_in_c(arrays: Mapping[str, np.ndarray], d: float, number: str) -> dict[str, str]:
+    """What LQ servos share: the matrices of the plant and its filter, their state at rest and after a command."""
+    rows = {name: table(arrays[name], number) for name in ("A", "B", "C", "gain")}
+    matrices = MATRICES.substitute(rows, D=literal(d, number), real=number)
+    return {"matrices": matrices, "begun": BEGUN.format(real=number), "predicted": PREDICTED}
 
 
 def servo_to_c(
@@ -119,11 +133,11 @@ def servo_to_c(
     checked_finite(s._asdict(), number)
     n, p = len(s.A), len(s.P)
     common = {"name": name, "UPPER": name.upper(), "real": number, "n": n, "p": p, "room": max(p, 1)}
-    numbers = {"u0": s.u0, "y0": s.y0, "f": s.f, "share": s.share, "D": s.D}
+    numbers = {"u0": s.u0, "y0": s.y0, "f": s.f, "share": s.share}
     past = s.P if p else np.zeros(1)
     arrays = {"A": s.A, "B": s.B, "C": s.C, "gain": s.gain, "K": s.K, "P": past, "rest": s.rest}
     defined = DEFINED.substitute(
-        common,
+        common | plant_in_c(arrays, float(s.D), number),
         **{key: literal(float(value), number) for key, value in numbers.items()},
         **{key: table(value, number) for key, value in arrays.items()},
         clip=clipped("command", float(settings.lower - s.u0), float(settings.upper - s.u0), number),

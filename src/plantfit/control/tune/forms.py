@@ -1,4 +1,4 @@
-"""Forms of controllers that one search and one judgement serve: a PID, and an LQ servo with its filter."""
+"""Forms of controllers that one search and one judgement serve: a PID, an LQ servo with its filter, and one that plans within limits."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.control.linear.predictive.servo_mpc import Predictive, servo_mpc
 from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
 from plantfit.control.pid import Gains
 from plantfit.control.tune.frequency import pid_response
-from plantfit.control.tune.loop_scores import from_rest, limited_pid
+from plantfit.control.tune.loop_scores import from_rest, limited_pid, slewed
 from plantfit.control.tune.reduction import Reduced, slowest
 from plantfit.control.tune.rules import FILTER, Isa, rule_gains
-from plantfit.control.tune.servo_weights import ServoPlant
+from plantfit.control.tune.weights.plan_weights import PlanShape
+from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes
 from plantfit.simulate.loop.closed_loop import Controller
 from plantfit.sobol import Sobol
@@ -29,7 +31,8 @@ class Form:
 
     `made` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which also takes
     the input at rest; `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the
-    controller's own poles outside the unit circle. `starts` (k, d) are points of the cube to begin with.
+    controller's own poles outside the unit circle. `starts` (k, d) are points of the cube to begin with; `plan` is
+    that of an MPC.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Form:
     loop: Controller
     unstable: Callable[[Any], int]
     starts: np.ndarray
+    plan: PlanShape | None = None
 
 
 def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa], tracking_time: float | None) -> Form:
@@ -65,7 +69,7 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
     def response(gains, w, xp=np):
         return pid_response(gains, wishes.period, w, xp)
 
-    loop = limited_pid(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)
+    loop = slewed(limited_pid(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time), _change(wishes))
     starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
     return Form("PID" if derivative else "PI", space, made, response, loop, lambda _: 0, starts)
 
@@ -83,13 +87,7 @@ def isa_of(gains: Gains) -> Isa:
 def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     """An LQ servo on the linearised best fit, in the weight of its input, the loads that its filter expects and the speed of its set
     point; spread evenly, its starts are tried for good regions of the cube, of which there are several."""
-    total = slowest(small) + small.first_order[2]
-    space = Space({
-        "rho": Parameter((1e-3, 1e2), scale="log"),
-        "wander": Parameter((0.1, 1e3), scale="log"),
-        "shaken": Parameter((0.03, 3.0), scale="log"),  # per wander
-        "seconds": Parameter((0.02 * total, 2.0 * total), scale="log"),
-    })  # fmt: skip
+    space = _weights(small)
 
     def made(z):
         rho, wander, shaken, seconds = space.physical(z)
@@ -98,6 +96,37 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     def response(parameters: Servo, w, xp=np):
         return servo_response(parameters, wishes.period, w, xp)
 
-    loop = from_rest(servo(wishes.period, lower=wishes.lower, upper=wishes.upper))
+    loop = slewed(from_rest(servo(wishes.period, lower=wishes.lower, upper=wishes.upper)), _change(wishes))
     starts = Sobol(space.dimension, np.random.default_rng(1)).random(STARTS)
     return Form("LQI", space, made, response, loop, unstable_poles, starts)
+
+
+def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarray) -> Form:
+    """A predictive LQ servo in the same four numbers; `starts` are those of LQ servos, as it is one where no limit acts."""
+    space, plan = _weights(small), PlanShape.of(plant, small, wishes)
+
+    def made(z):
+        rho, wander, shaken, seconds = space.physical(z)
+        return plan.predictive(rho, wander, shaken * wander, seconds)
+
+    def response(parameters: Predictive, w, xp=np):
+        return servo_response(parameters.servo, wishes.period, w, xp)
+
+    loop = slewed(from_rest(servo_mpc(len(plan.lengths), plan.rated)), _change(wishes))
+    return Form("MPC", space, made, response, loop, lambda given: unstable_poles(given.servo), starts, plan)
+
+
+def _weights(small: Reduced) -> Space:
+    """Weight of the input, loads and noise of the input that the filter expects, seconds in which the set point is followed."""
+    total = slowest(small) + small.first_order[2]
+    return Space({
+        "rho": Parameter((1e-3, 1e2), scale="log"),
+        "wander": Parameter((0.1, 1e3), scale="log"),
+        "shaken": Parameter((0.03, 3.0), scale="log"),  # per wander
+        "seconds": Parameter((0.02 * total, 2.0 * total), scale="log"),
+    })  # fmt: skip
+
+
+def _change(wishes: Wishes) -> float:
+    """The most that the input moves in a sample."""
+    return wishes.rate * wishes.period

@@ -9,7 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.pid import Gains
 from plantfit.control.steps.robust import stacked_controllers
-from plantfit.control.tune.forms import Form, lqi_form, pid_form
+from plantfit.control.tune.forms import Form, lqi_form, mpc_form, pid_form
 from plantfit.control.tune.frequency import Margins, frequencies, margins, sampled_response
 from plantfit.control.tune.loop_scores import Judge, LoopScores, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
@@ -17,7 +17,7 @@ from plantfit.control.tune.plant_checks import check_dead_time, check_holds, che
 from plantfit.control.tune.reduction import Reduced, integrators, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.search import Search
-from plantfit.control.tune.servo_weights import ServoPlant
+from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes, check_wishes
 from plantfit.errors import SimulationError
 
@@ -26,7 +26,7 @@ import jax
 COARSE, FINE = 200, 1200  # frequencies in the search and in the figures
 MOST_SAMPLES = 4000
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
-PID_BESIDE = "PID, all plants"  # of the PID beside another form
+BESIDE = ", all plants"  # after the names of other forms that are searched on the same plants
 
 
 class Judged(NamedTuple):
@@ -64,8 +64,8 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
-    """The tuned controller: `rows` of the table, the first tuned on all plants, the second on the best fit alone, then a PID on all plants
-    where the form is another, then the rules.
+    """The tuned controller: `rows` of the table, the first tuned on all plants, the second on the best fit alone, then on all plants
+    the forms that are simpler, then the rules.
 
     `reduced` is what the rules saw, `sign` that of the plant's gain, `judged` all controllers on the fresh plants of `family` (its first is
     the best fit), `course` what they were judged by, `rest` the plants at the set point; `judges` by the name of a form. `held` is the
@@ -113,7 +113,7 @@ def tuned_loop(
     seed: int = 1,
     progress: Callable[[Any], None] | None = None,
 ) -> LoopDesign:
-    """Search the controller of `wishes` (PID, PI, LQI) on the `train` plants; judge it on those of `family`. Both begin with the best fit.
+    """Search the controller of `wishes` on the `train` plants; judge it on those of `family`. Both begin with the best fit.
 
     The cost on a plant is the mean of the IAE of set-point step and load, each over that of SIMC on the best fit (C. Grimholt, S.
     Skogestad, IFAC PID 2012, eq. 3), times 1 + 10 times every excess over a limit as a share of it; over plants `Demand.over_plants`:
@@ -138,7 +138,12 @@ def tuned_loop(
     course, tracking = _course(small, wishes), _tracking(small, wishes)
     rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
     pid = pid_form(small, sign, wishes, rules, tracking)
-    forms = [pid] if wishes.controller in ("pid", "pi") else [lqi_form(ServoPlant.of(rest, small, wishes), small, wishes), pid]
+    forms = [pid]
+    if wishes.controller not in ("pid", "pi"):
+        servo_plant = ServoPlant.of(rest, small, wishes)
+        forms = [lqi_form(servo_plant, small, wishes), *forms]
+        if wishes.controller == "mpc":
+            forms = [mpc_form(servo_plant, small, wishes, forms[0].starts), *forms]
     judges = {form.name: Judge.of(family, start, course, wishes.quantum, form.loop) for form in forms}
     slow, count = slowest(small), 1 + integrators(rest)
     w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
@@ -147,15 +152,18 @@ def tuned_loop(
     step, load = (float(v[0, 0]) for v in (simc.iae, simc.load_iae))
     sizes = (step if 0 < step < np.inf else 1.0, load if 0 < load < np.inf else 1.0)
     named: list[tuple[str, Form, Any, str]] = []
-    for form in forms:
+    points: np.ndarray | None = None  # of the form before, which an MPC begins at: its weights are those of an LQI
+    for form in reversed(forms):
         search = Search(Judge.of(train, first[0], course, wishes.quantum, form.loop), h, w, wishes, form, sizes)
-        nominal = search.on_best_fit().found(form.starts, max(200, budget // 2), seed, progress)
-        robust = search.found(np.r_[form.starts, nominal[None]], budget, seed + 1, progress)
+        starts = form.starts if form.plan is None or points is None else points
+        nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, progress)
+        robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, progress)
+        points = np.stack([robust, nominal])
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
-            named += [(ROBUST, form, best, "this search"), (BEST_FIT, form, alone, "the same search on one plant")]
+            named = [(ROBUST, form, best, "this search"), (BEST_FIT, form, alone, "the same search on one plant"), *named]
         else:
-            named.append((PID_BESIDE, form, best, "the same search for a PID"))
+            named = [(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"), *named]
     named += [(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
     parts = []
     for form in forms:
@@ -166,6 +174,11 @@ def tuned_loop(
     rows = tuple(_row(i, row, found, rest, wishes, fine, count) for i, row in enumerate(named))
     used = np.flatnonzero(whole[1])
     return LoopDesign(wishes, family, rest, course, small, sign, rows, found, judges, held, right, used, tracking)
+
+
+def article(name: str) -> str:
+    """Before the name of a form."""
+    return "an" if name[0] in "LM" else "a"
 
 
 def _numbers(parameters: Any) -> Any:
@@ -196,7 +209,8 @@ def _course(small: Reduced, wishes: Wishes) -> StepAndLoad:
             f"give a longer period "
             f"([control] period, or --period), such as {seconds / MOST_SAMPLES:.2g} s, or a shorter horizon."
         )
-    return StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, seconds, wishes.period)
+    ends = wishes.output_lower, wishes.output_upper
+    return StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, seconds, wishes.period, *ends)
 
 
 def judged_on(
@@ -218,6 +232,7 @@ def judged_on(
     ms, stable = np.array(ms), np.array(stable)
     with np.errstate(invalid="ignore"):
         kept = stable & (scores.overshoot <= wishes.overshoot) & (ms <= wishes.ms) & (scores.left <= wishes.settled)
+        kept = kept & (scores.outside <= wishes.tolerated)
     return Judged(scores, ms, stable, np.array(moved), kept)
 
 

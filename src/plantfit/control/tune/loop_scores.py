@@ -1,5 +1,6 @@
 """What a loop is judged by: a step of the set point from rest, then a step of load at the plant's input."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ class LoopScores(NamedTuple):
     `settling` (s) of the first sample from which y stays within 2 % (inf if never), `left` the largest |set point - y| of the last fifth of
     the step as a share of it, `load_iae` integral of |set point - y| after the load (unit of y, s), `load_peak` its largest,
     `travel` sum of
-    the moves of the input."""
+    the moves of the input, `outside` how far y was beyond its limits at most (unit of y)."""
 
     iae: Any
     overshoot: Any
@@ -29,17 +30,21 @@ class LoopScores(NamedTuple):
     load_iae: Any
     load_peak: Any
     travel: Any
+    outside: Any
 
 
 @dataclass(frozen=True)
 class StepAndLoad:
-    """From rest at `start` to `level`, at `seconds` / 2 a step of `load` at the plant's input, until `seconds`."""
+    """From rest at `start` to `level`, at `seconds` / 2 a step of `load` at the plant's input, until `seconds`; y is to stay between
+    `lowest` and `highest`."""
 
     start: float
     level: float
     load: float
     seconds: float
     period: float
+    lowest: float = -math.inf
+    highest: float = math.inf
 
     @property
     def samples(self) -> int:
@@ -63,6 +68,23 @@ def from_rest(controller: Controller) -> Controller:
         return state, command - parameters[1]
 
     return Controller(controller.init, update)
+
+
+def slewed(controller: Controller, most: float) -> Controller:
+    """A controller whose commands, counted from rest, reach the plant through an actuator that moves by `most` a sample at most."""
+    if math.isinf(most):
+        return controller
+
+    def init(measurement, parameters):
+        return controller.init(measurement, parameters), jnp.zeros(())
+
+    def update(state, measurement, reference, parameters):
+        own, last = state
+        own, command = controller.update(own, measurement, reference, parameters)
+        given = jnp.clip(command, last - most, last + most)
+        return (own, given), given
+
+    return Controller(init, update)
 
 
 def limited_pid(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> Controller:
@@ -89,7 +111,10 @@ def observer(course: StepAndLoad) -> Observer:
 
     def init(y, reference):
         zero = 0.0 * y
-        return {"iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero, "u": zero}
+        return {
+            "iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero, "u": zero,
+            "outside": zero,
+        }  # fmt: skip
 
     def update(seen, t, y, u, reference):
         off = jnp.abs(course.level - y)
@@ -105,6 +130,7 @@ def observer(course: StepAndLoad) -> Observer:
             "peak": jnp.where(step, 0.0, jnp.maximum(seen["peak"], off)),
             "travel": seen["travel"] + jnp.abs(u - seen["u"]),
             "u": u,
+            "outside": jnp.maximum(seen["outside"], jnp.maximum(y - course.highest, course.lowest - y)),
         }
 
     def result(seen):
@@ -112,7 +138,7 @@ def observer(course: StepAndLoad) -> Observer:
         settled = jnp.where(seen["settled"] < half - 0.5 * course.period, seen["settled"], jnp.inf)
         return LoopScores(
             seen["iae"] / size + gone, 100.0 * seen["beyond"] / size + gone, settled + gone, seen["left"] / size + gone, seen["load_iae"],
-            seen["peak"] + gone, seen["travel"] + gone,
+            seen["peak"] + gone, seen["travel"] + gone, seen["outside"] + gone,
         )  # fmt: skip
 
     return Observer(init, update, result)

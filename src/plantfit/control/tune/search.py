@@ -62,6 +62,7 @@ class Search:
             moved = wishes.noise * jnp.sqrt(jnp.sum(jnp.abs(c[:, None] * s) ** 2 * weights, axis=-1)) / (wishes.upper - wishes.lower)
             cost = 0.5 * (scores.iae / sizes[0] + scores.load_iae / sizes[1])
             cost = cost * (1.0 + over(scores.overshoot, ROOM * wishes.overshoot) + over(ms, ms_limit) + over(moved, wishes.input_noise))
+            cost = cost * (1.0 + over(scores.outside, ROOM * wishes.tolerated))
             cost = cost * (1.0 + STEEPNESS * jnp.maximum(scores.left - wishes.settled, 0.0))
             return demand.over_plants(jnp.where(jnp.isfinite(cost), cost, 1e6))
 

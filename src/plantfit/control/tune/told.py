@@ -8,8 +8,9 @@ import numpy as np
 from plantfit.control.pid import Gains
 from plantfit.control.tune.forms import isa_of
 from plantfit.control.tune.frequency import frequencies, sampled_response
-from plantfit.control.tune.loop_design import BEST_FIT, FINE, PID_BESIDE, ROBUST, LoopDesign, Row
+from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, Row, article
 from plantfit.control.tune.reduction import slowest
+from plantfit.control.tune.rules import RULES
 
 FEW = 40  # plants drawn as lines
 POINTS = 400  # of a curve in the record
@@ -64,10 +65,12 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
             f"than tuning on it "
             f"alone would.{_first(design, names, None)}",
         )
-    beside = design.row(PID_BESIDE)
-    if beside is not None:
+    others = [(i, r) for i, r in enumerate(design.rows) if r.name.endswith(BESIDE)]
+    if np.isfinite(wishes.output_lower) or np.isfinite(wishes.output_upper):
+        say(*_limits_kept(design, others))
+    for _, beside in others:
         say("info", _compared(best, beside))
-    rules = [r for r in design.rows if r.name not in (ROBUST, BEST_FIT, PID_BESIDE) and r.share >= wishes.share]
+    rules = [r for r in design.rows if r.name in RULES and r.share >= wishes.share]
     if rules and design.promised:
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
         ratio = first.scores.iae / best.scores.iae
@@ -76,13 +79,23 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     return told
 
 
+def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[str, str]:
+    """How many plants keep the limits of the output."""
+    wishes, inside = design.wishes, np.mean(design.judged.scores.outside <= design.wishes.tolerated, axis=1)
+    beside = "".join(f"; {r.form.name}: {_percent(float(inside[i]))}" for i, r in others)
+    limits = f"{wishes.output_lower:.5g} to {wishes.output_upper:.5g}"
+    told = f"{_percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
+    return "good" if inside[0] >= wishes.share else "bad", told
+
+
 def _compared(best: Row, pid: Row) -> str:
-    """The same search for a PID beside another form."""
+    """The same search for a simpler form beside the one that was asked for."""
     pairs = ((pid.scores.iae, best.scores.iae), (pid.scores.load_iae, best.scores.load_iae))
     step, load = (other / own if own > 0 else np.inf for other, own in pairs)
+    form, kept = pid.form.name, _percent(pid.share)
     told = (
-        f"A PID tuned on the same plants: {_percent(pid.share)} keep the wishes, with {step:.2f} times the IAE of the step and {load:.2f} "
-        "times that of the load"
+        f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, with {step:.2f} times the IAE of the step "
+        f"and {load:.2f} times that of the load"
     )
     if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
         return f"{told}: {best.form.name} gains nothing here."
@@ -118,7 +131,7 @@ def _plain_row(design: LoopDesign, i: int, row: Row) -> dict[str, Any]:
     return {
         "name": row.name, "source": row.source, "form": row.form.name, **_settings(row.parameters),
         "iae": s.iae, "overshoot": s.overshoot, "settling": s.settling, "load_iae": s.load_iae, "load_peak": s.load_peak,
-        "travel": s.travel,
+        "travel": s.travel, "outside": s.outside,
         "ms": m.ms, "mt": m.mt, "gain_margin": m.gain, "phase_margin": m.phase, "stable": bool(m.stable),
         "input_noise": float(design.judged.input_noise[i, 0]), "share": row.share, "stable_share": float(np.mean(design.judged.stable[i])),
         "worst": dict(row.worst),
@@ -126,9 +139,12 @@ def _plain_row(design: LoopDesign, i: int, row: Row) -> dict[str, Any]:
 
 
 def _settings(parameters: Any) -> dict[str, Any]:
-    """The gains of a PID in both forms; the arrays of an LQ servo as lists."""
+    """The gains of a PID in both forms; the arrays of an LQ servo, and of its plan, as lists."""
     if not isinstance(parameters, Gains):
-        return {n: np.asarray(v).tolist() for n, v in parameters._asdict().items()}
+        found: dict[str, Any] = {}
+        for name, value in parameters._asdict().items():
+            found |= _settings(value) if hasattr(value, "_asdict") else {name: np.asarray(value).tolist()}
+        return found
     g, isa = parameters, isa_of(parameters)
     return {
         "Kp": float(g.Kp), "Ki": float(g.Ki), "Kd": float(g.Kd), "K": float(isa.K), "Ti": float(isa.Ti), "Td": float(isa.Td),

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from plantfit.errors import SimulationError
 
 SETTLED = 0.05  # of the step: a loop that is farther off at the end of it does not hold the set point
-CONTROLLERS = ("pid", "pi", "lqi")
+TOLERATED = 0.01  # of the step
+CONTROLLERS = ("pid", "pi", "lqi", "mpc")
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,9 @@ class Wishes:
     `quantum` of the sensor and standard deviation `noise` of the measurement. `overshoot` (%) and `ms` are limits that the `share` of
     the plants has to keep; `input_noise` is how much of the input's range the noise may move it (standard deviation). `horizon` (s) of
     step and load.
+
+    `rate` is the fastest change of the input (its unit per s); the output is to stay within `output_lower` and `output_upper` all the
+    time. A plan of an MPC looks `prediction` s ahead.
     """
 
     set_point: float
@@ -34,11 +38,20 @@ class Wishes:
     controller: str = "pid"
     horizon: float | None = None
     anti_windup: str = "clamping"
+    rate: float = math.inf
+    output_lower: float = -math.inf
+    output_upper: float = math.inf
+    prediction: float | None = None
 
     @property
     def settled(self) -> float:
         """How far off the set point, as a share of the step, a loop may be at the end of the step: 5 %, or a step of the sensor."""
         return max(SETTLED, self.quantum / abs(self.step))
+
+    @property
+    def tolerated(self) -> float:
+        """How far beyond its limits the output may be, in its unit: 1 % of the step, or a step of the sensor."""
+        return max(TOLERATED * abs(self.step), self.quantum)
 
 
 def check_wishes(wishes: Wishes) -> None:
@@ -54,3 +67,13 @@ def check_wishes(wishes: Wishes) -> None:
         raise SimulationError(f"A step of {wishes.step:g} moves nothing; give the change of the set point.")
     if wishes.controller not in CONTROLLERS:
         raise SimulationError(f"Controller {wishes.controller!r} is not known; give {', '.join(map(repr, CONTROLLERS))}.")
+    if not wishes.rate > 0:
+        raise SimulationError(f"rate = {wishes.rate:g} lets the input never move; give its fastest change in a second, above 0.")
+    for level in (wishes.set_point - wishes.step, wishes.set_point):
+        if not wishes.output_lower <= level <= wishes.output_upper:
+            raise SimulationError(
+                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, and the step goes from "
+                f"{wishes.set_point - wishes.step:.5g} to {wishes.set_point:.5g}; choose another set point or step, or wider limits."
+            )
+    if wishes.prediction is not None and wishes.controller != "mpc":
+        raise SimulationError("A prediction is what an MPC plans for; give controller = 'mpc', or leave prediction out.")

@@ -1,5 +1,6 @@
 """A tuned controller as a page and as text, from plain records."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -47,11 +48,23 @@ def settings(record: Record) -> str:
             f"Kp {best['Kp']:.6g}{per['Kp']}, Ki {best['Ki']:.6g}{per['Ki']}, Kd {best['Kd']:.6g}{per['Kd']}, b {best['b']:.3g}, "
             f"filter {best['filter_time']:.3g} s"
         )
+    if record["plan"] is not None:
+        plan = record["plan"]
+        told = f"plans {len(plan['moves'])} moves over {plan['seconds']:.4g} s with {plan['rows']} limits, {plan['steps']} steps a sample"
+        return f"{told} ({plan['multiplications']} multiplications); without limits {_servo(best, per)}"
+    return _servo(best, per)
+
+
+def _servo(best: Record, per: Record) -> str:
     *states, load = best["K"]
     return (
         f"K ({', '.join(f'{v:.5g}' for v in states)}) of the states, {load:.4g} of the load, set point {best['f']:.5g}{per['Kp']}, "
         f"{len(best['P'])} past inputs, filter ({', '.join(f'{v:.4g}' for v in best['gain'])})"
     )
+
+
+def _finite(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)
 
 
 def _number(value: float, digits: int) -> str:
@@ -69,6 +82,12 @@ def asked(record: Record) -> list[str]:
         f"noise moves the input by at most {100 * w['input_noise']:g} % of its range.",
         f"Sampled every {w['period']:.6g} s, {record['input']['name']} within {w['lower']:.5g} to {w['upper']:.5g}{u}.",
     ]
+    ends = (w["output_lower"], w["output_upper"])
+    if any(_finite(v) for v in ends):
+        low, high = (f"{v:.5g}" if _finite(v) else "any" for v in ends)
+        told.append(f"{record['output']['name']} is to stay within {low} to {high}{y}.")
+    if _finite(w["rate"]):
+        told.append(f"{record['input']['name']} moves by at most {w['rate']:.4g}{u} in a second, whichever controller drives it.")
     if record["others"]:
         told.append(f"Held: {', '.join(f'{n} = {v:.5g}' for n, v in record['others'].items())}.")
     left = [f"{n} = {v}" for n, v in record["proposed"].items() if n not in ("overshoot", "ms", "share", "input_noise", "anti_windup")]
@@ -107,7 +126,7 @@ def write_controller_page(record: Record, curves: Mapping[str, Any], path: str |
     else:
         told = f"{form}: {settings(record)}. Its matrices are in the JSON and C files."
     rows = table_rows(record)
-    sources = "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"][2 if has_gains else 3 :])
+    sources = "; ".join(f"{r['name']}: {r['source']}" for r in record["controllers"] if not r["source"].startswith(("this", "the same")))
     page = {
         "title": f"Controller of {record['name']}",
         "subtitle": f"{record['output']['name']} by {record['input']['name']}: {form} on plants {record['plants_are']}",

@@ -11,6 +11,7 @@ from plantfit.errors import BoardError, RecordingError
 from plantfit.recording.readers.columns import identifier
 from plantfit.recording.record import Recording
 from plantfit.rig.board.part_file import PartFile, refuse_existing
+from plantfit.rig.board.pilot import Loop, Pilot
 from plantfit.rig.board.playback import Playback, raw_values, timing
 from plantfit.rig.board.protocol import FINISHED, WATCHDOG, Board, Sample
 from plantfit.rig.board.recorded import Progress, Recorded
@@ -36,8 +37,11 @@ def record(
     force: bool = False,
     stopping: Callable[[], bool] = lambda: False,
     watch: Callable[[Progress], None] | None = None,
+    loop: Loop | None = None,
 ) -> Recorded:
     """Record from the board on `port` into the table `out`, playing `excitation` (its drive's signal, else its first) meanwhile.
+
+    A `loop` in its place lets a controller on this computer drive the board, until its set points end or `duration` is over.
 
     Ends after the excitation, after `duration` (s), or when `stopping()` says so; the motor is
     stopped first. `rate`: samples a second, the board's fastest if left out. A port that goes away
@@ -48,6 +52,10 @@ def record(
     counter, and gap: 1 in rows whose sample did not come, empty else. Rows are on disk within a
     second, in OUT.part until the end. Raises BoardError, RecordingError, MissingExtra.
     """
+    if loop is not None and excitation is not None:
+        raise RecordingError("Both an excitation and a controller are to drive the board; give the set points to the controller.")
+    if loop is not None:
+        rate, duration = rate or 1.0 / loop.period, duration or loop.seconds
     for name, value in (("rate", rate), ("duration", duration), ("baud", baud), ("reconnect", reconnect)):
         if value is not None and not value > 0:
             raise RecordingError(f"record: {name} is {value:g}; give a number above 0.")
@@ -59,12 +67,14 @@ def record(
         divide, hold = timing(board, excitation, rate)
         _check_load(board, board.tick_hz / divide, baud)
         values = [] if excitation is None else raw_values(excitation, board)
-        rows = Rows(board, divide / board.tick_hz)
+        pilot = None if loop is None else Pilot(loop, board, divide)
+        rows = Rows(board, divide / board.tick_hz, None if pilot is None else pilot.column)
         story = [f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a second."]
+        story += [] if loop is None else [loop.sentence]
         made = [] if excitation is None else takewhile(lambda line: not line.startswith("Read from"), excitation.log)
         story += [f"Played: {line}" for line in made]
         file = PartFile(out, rows.header, story, force)
-        run = _Run(session, rows, file, Playback(values, board.buffer), (divide, hold), reconnect, duration)
+        run = _Run(session, rows, file, Playback(values, board.buffer), (divide, hold), reconnect, duration, pilot)
         return run.to_the_end(story, stopping, watch)
     finally:
         session.drop()
@@ -82,9 +92,10 @@ class _Run:
         pace: tuple[int, int],
         reconnect: float,
         duration: float | None,
+        pilot: Pilot | None = None,
     ):
         self.session, self.rows, self.file, self.playback, self.pace = session, rows, file, playback, pace
-        self.reconnect, self.duration = reconnect, duration
+        self.reconnect, self.duration, self.pilot = reconnect, duration, pilot
         self.reconnects = self.resets = 0
         self.finished, self.restart, self.fresh = False, False, 0
         self.latest: list[Sample] = []
@@ -132,6 +143,8 @@ class _Run:
             self.restart = False
         self.came = time.monotonic()
         self.fresh = counter
+        if self.pilot is not None:
+            self.pilot.begin(counter)
 
     def _round(self, stopping: Callable[[], bool]) -> None:
         if self.file.error is not None:
@@ -153,16 +166,21 @@ class _Run:
         watchdog, taken = False, self.session.samples
         while taken:
             sample = taken.popleft()
+            current = (sample.counter - self.fresh) % 2**32 < 2**31  # made after the last start
+            if self.pilot is not None and current:
+                self.pilot.take(sample, self.rows.t + self.rows.period)
+                self.rows.wanted = self.pilot.wanted
             self.file.add(self.rows.take(sample))
             self.latest.append(sample)
             self.came = time.monotonic()
-            current = (sample.counter - self.fresh) % 2**32 < 2**31  # made after the last start
             if current and sample.index >= 0:
                 self.playback.played(sample.index)
             watchdog |= current and sample.state == WATCHDOG
             if current and sample.state == FINISHED:
                 self.finished = True
                 self.playback.played(len(self.playback.values) - 1)  # also those whose samples were lost
+        if self.pilot is not None and (raw := self.pilot.command()) is not None and not watchdog:
+            self.session.drive(raw)
         return watchdog
 
     def _connect_again(self, stopping: Callable[[], bool]) -> None:
@@ -219,6 +237,8 @@ class _Run:
             )
         if self.playback.values:
             log.append(f"{self.playback.position} of {len(self.playback.values)} values of the excitation were played.")
+        if self.pilot is not None:
+            log.append(self.pilot.told)
         log.append(
             "The board acknowledged the stop." if stopped else "The board did not acknowledge the stop; its watchdog stops the motor."
         )

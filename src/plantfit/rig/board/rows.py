@@ -8,12 +8,14 @@ MOST_ROWS = 100_000  # of one gap; a longer one is a single row
 
 
 class Rows:
-    """Cells of t [s], drive, channels, counter, gap. Times are the board's, from 0 at the first sample."""
+    """Cells of t [s], drive, channels, the set point of a loop, counter, gap. Times are the board's, from 0 at the first sample."""
 
-    def __init__(self, board: Board, period: float):
+    def __init__(self, board: Board, period: float, wanted: str | None = None):
         self.board, self.period = board, period  # seconds between two samples
         named = [f"{c.name} [{c.unit}]" if c.unit else c.name for c in (board.drive, *board.channels)]
-        self.header = ",".join(["t [s]", *named, *BOOKKEEPING])
+        named += [] if wanted is None else [wanted]
+        self.header, self._signals = ",".join(["t [s]", *named, *BOOKKEEPING]), len(named)
+        self.wanted: float | None = None  # set point of the samples to come
         self.next: int | None = None  # counter that is expected
         self.t = -period  # of the last row
         self.received = self.lost = self.gaps = 0
@@ -38,6 +40,8 @@ class Rows:
         self.received += 1
         drive, channels = self.board.drive, zip(self.board.channels, sample.raw, strict=True)
         cells = ",".join(f"{v:.10g}" for v in (sample.drive * drive.scale, *(c.scale * r + c.offset for c, r in channels)))
+        if self._signals > 1 + len(self.board.channels):
+            cells += "," if self.wanted is None else f",{self.wanted:.10g}"
         rows.append(f"{t:.6f},{cells},{sample.counter},0")
         return rows
 
@@ -69,4 +73,4 @@ class Rows:
         return [self._empty(self.t + (k + 1) * step, str((first + k) % _WRAP)) for k in range(shown)]
 
     def _empty(self, t: float, counter: str) -> str:
-        return f"{t:.6f},{',' * len(self.board.channels)},{counter},1"
+        return f"{t:.6f},{',' * (self._signals - 1)},{counter},1"

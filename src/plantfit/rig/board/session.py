@@ -25,6 +25,7 @@ class Session:
         self.lines, self.samples = Lines(), deque[Sample]()
         self.board: Board | None = None
         self.playback: Playback | None = None
+        self.command: int | None = None  # of a controller, in steps of the drive
         self.ended: tuple[int, list[int]] | None = None
         self.heard = 0.0  # when the last good line came
         self._link: Link | None = None
@@ -66,7 +67,7 @@ class Session:
 
     def start(self, divide: int, hold: int, playback: Playback) -> int | None:
         """Start sampling, and playing from `playback.position`; the counter of the first sample, None where the line fails."""
-        self._number, self._started, self.playback = self._number + 1, None, playback
+        self._number, self._started, self.playback, self.command = self._number + 1, None, playback, None
         line = encode("S", self._number, divide, hold, len(playback.values), playback.position)
         until, again = time.monotonic() + 2.0, 0.0
         while self._started is None:
@@ -85,7 +86,13 @@ class Session:
         now = time.monotonic()
         due = self.playback.due(now) if self.playback else b""
         if due or now - self._written > _ALIVE_SECONDS:
-            self._write(due or encode("W", self._number))
+            alive = encode("W", self._number) if self.command is None else encode("V", self._number, self.command)
+            self._write(due or alive)
+
+    def drive(self, raw: int) -> None:
+        """What the motor is to get from now on; said again as a sign of life."""
+        self.command = raw
+        self._write(encode("V", self._number, raw))
 
     def stop(self) -> bool:
         """Stop the motor; True once the board has acknowledged it."""
@@ -130,6 +137,10 @@ class Session:
                 self.playback.acknowledged(int(fields[2]), int(fields[3]), self.heard)
             elif fields[:2] == ["K", "S"] and int(fields[2]) == self._number:
                 self._started = int(fields[3])
+            elif fields[0] == "E" and self.command is not None and "unknown" in fields[1]:
+                raise BoardError(
+                    f"The board on {self.port} takes no commands of a controller; flash the firmware that comes with this plantfit."
+                )
             elif fields[:2] == ["K", "X"] and int(fields[2]) == self._number:
                 self.ended = int(fields[3]), [int(f) for f in fields[4:8]]
         except (ValueError, IndexError):

@@ -1,22 +1,34 @@
-"""A controller that `plantfit tune` wrote, NAME-tune.json, for a rig to be driven by."""
+"""A controller that `plantfit tune` wrote, NAME-tune.json, to drive a rig or a board."""
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import plantfit.runtime  # noqa: F401
+from plantfit.control.linear.predictive.quadratic import Prepared
+from plantfit.control.linear.predictive.servo_mpc import Plan, Predictive, servo_mpc
+from plantfit.control.linear.servo import Servo, servo
 from plantfit.control.pid import Gains, Settings, pid
+from plantfit.control.tune.loop_design import course_seconds
+from plantfit.control.tune.loop_scores import from_rest, limited_pid
+from plantfit.control.tune.reduction import Reduced
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.controller import Controller
+
+import jax
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """A PID by its `gains` and `settings`, its `output` and `input` with their units (None: not known), and the step it was tuned for,
-    to `set_point` by `step`, in the unit of the output."""
+    """A controller by its `form`, `parameters` (`Gains`, `Servo` or `Predictive`) and `settings`, its `output` and `input` with their units
+    (None: not known), and the step it was tuned for, to `set_point` by `step`, in the unit of the output, in `seconds`."""
 
-    gains: Gains
+    form: str
+    parameters: Any
     settings: Settings
     output: str
     output_unit: str | None
@@ -25,12 +37,53 @@ class Tuned:
     set_point: float
     step: float
     name: str
+    seconds: float | None = None
+    plan: tuple[int, bool] | None = None  # inputs that an MPC plans, and whether their rate has a limit
+
+    @property
+    def gains(self) -> Gains:
+        """Of a PID. Raises SimulationError for another form."""
+        if not isinstance(self.parameters, Gains):
+            raise SimulationError(f"{self.name} is {'an' if self.form[0] in 'LM' else 'a'} {self.form}; here a PID is taken.")
+        return self.parameters
 
     @property
     def law(self) -> Controller:
-        """The controller with its limits."""
+        """The PID with its limits."""
         s = self.settings
         return pid(s.period, lower=s.lower, upper=s.upper, anti_windup=s.anti_windup, tracking_time=s.tracking_time)
+
+    def running(self) -> "RunningController":
+        """The controller sample by sample."""
+        s = self.settings
+        if isinstance(self.parameters, Gains):
+            return RunningController(limited_pid(s.period, s.lower, s.upper, s.anti_windup, s.tracking_time), self.parameters)
+        if self.plan is not None:
+            return RunningController(from_rest(servo_mpc(*self.plan)), self.parameters)
+        return RunningController(from_rest(servo(s.period, lower=s.lower, upper=s.upper)), self.parameters)
+
+
+class RunningController:
+    """A controller under way, numbers in and out: `begin` at rest with the command 0, then `update` every sample."""
+
+    def __init__(self, law: Controller, parameters: Any):
+        self._law, self._given = law, (parameters, 0.0)
+        self._state: Any = None
+        self.begin(0.0)
+        self.update(0.0, 0.0)  # compiled before a board waits for it
+
+    def begin(self, measurement: float) -> None:
+        """At rest at this measurement."""
+        self._state = jax.tree.map(np.asarray, self._law.init(np.float64(measurement), self._given))
+
+    def update(self, measurement: float, reference: float) -> float:
+        """The command of this sample."""
+        self._state, command = self._step(self._state, np.float64(measurement), np.float64(reference))
+        return float(command)
+
+    @cached_property
+    def _step(self) -> Any:
+        return jax.jit(lambda state, y, r: self._law.update(state, y, r, self._given))
 
 
 def read_tuned(path: str | Path) -> Tuned:
@@ -48,9 +101,35 @@ def read_tuned(path: str | Path) -> Tuned:
 
 def _tuned(record: dict[str, Any], name: str) -> Tuned:
     best, w = record["controllers"][0], record["wishes"]
-    gains = Gains(**{n: float(best[n]) for n in ("Kp", "Ki", "Kd", "b", "filter_time")}, c=0.0)
     settings = Settings(float(w["period"]), float(w["lower"]), float(w["upper"]), w["anti_windup"], w.get("tracking_time"))
-    out, into = record["output"], record["input"]
+    out, into, plan = record["output"], record["input"], None
+    if "Kp" in best:
+        form, parameters = "PID", Gains(**{n: float(best[n]) for n in ("Kp", "Ki", "Kd", "b", "filter_time")}, c=0.0)
+    else:
+        form, parameters = "LQI", Servo._make(_array(best[n]) for n in Servo._fields)
+        if record.get("plan"):
+            form, plan = "MPC", (len(record["plan"]["moves"]), w["rate"] is not None)
+            task = Prepared(_array(best["project"]), _array(best["yielding"]))
+            low, high = np.nan_to_num(_array(best["low"]), nan=-np.inf), np.nan_to_num(_array(best["high"]), nan=np.inf)
+            rate = np.inf if best["rate"] is None else best["rate"]
+            x, q, g, free = (_array(best[n]) for n in ("X", "Q", "g", "free"))
+            parameters = Predictive(parameters, Plan(x, q, g, free, task, low, high, np.asarray(rate)))
     return Tuned(
-        gains, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]), float(w["step"]), name
+        form, parameters, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]), float(w["step"]), name,
+        _seconds(record), plan,
     )  # fmt: skip
+
+
+def _array(values: Any) -> np.ndarray:
+    return np.asarray(values, dtype=float)
+
+
+def _seconds(record: dict[str, Any]) -> float | None:
+    """Of the step and what follows: as asked for, or as long as the plant takes; None where the file does not tell."""
+    if record["wishes"].get("horizon"):
+        return float(record["wishes"]["horizon"])
+    r = record.get("reduced")
+    if not r:
+        return None
+    lag = np.inf if r["lag"] is None else r["lag"]
+    return float(course_seconds(Reduced((r["gain"], lag, r["dead_time"]), (r["gain"], lag, 0.0, r["dead_time"]), r["integrating"], "")))

@@ -62,6 +62,10 @@ def excite(
 def record(
     port: Annotated[str, typer.Option("--port", "-p", help="The board's serial port, as in /dev/ttyACM0 or COM3.")],
     excitation: Annotated[str | None, typer.Option("--excitation", "-e", help="A CSV of `plantfit excite` to play.")] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", help="NAME-tune.json of `plantfit tune`, to drive the board; --excitation are its set points then."),
+    ] = None,
     out: Annotated[str, typer.Option("--out", "-o", help="CSV file to write.")] = "run.csv",
     duration: Annotated[
         str | None, typer.Option("--duration", help="Stop after this, as in 30s; else after the excitation or Ctrl-C.")
@@ -72,10 +76,10 @@ def record(
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing recording.")] = False,
     json: Json = False,
 ) -> None:
-    """Play an excitation on a board and record what it measures. Ctrl-C stops the motor first."""
+    """Play an excitation on a board, or close a loop there, and record what it measures. Ctrl-C stops the motor first."""
     from plantfit.cli.commands.at_bench import record as command
 
-    command.record(port, excitation, out, duration, rate, baud, reconnect, force, json)
+    command.record(port, excitation, controller, out, duration, rate, baud, reconnect, force, json)
 
 
 def track(

@@ -17,10 +17,14 @@ def tune(
     load: Annotated[str | None, typer.Option("--load", help="A step of load at the plant's input, in its unit.")] = None,
     output: Annotated[str | None, typer.Option("--output", help="The output that is controlled.")] = None,
     input_: Annotated[str | None, typer.Option("--input", help="The input that is driven.")] = None,
-    controller: Annotated[str | None, typer.Option("--controller", help="pid, pi or lqi (LQ servo with a Kalman filter).")] = None,
+    controller: Annotated[str | None, typer.Option("--controller", help="pid, pi, lqi (LQ servo with a filter) or mpc.")] = None,
     period: Annotated[str | None, typer.Option("--period", help="Sample time of the controller, as in 0.5s.")] = None,
     lower: Annotated[str | None, typer.Option("--lower", help="Lowest input of the actuator.")] = None,
     upper: Annotated[str | None, typer.Option("--upper", help="Highest input of the actuator.")] = None,
+    rate: Annotated[str | None, typer.Option("--rate", help="Fastest change of the input, as in 10%/s.")] = None,
+    output_lower: Annotated[str | None, typer.Option("--output-lower", help="Least output that is allowed.")] = None,
+    output_upper: Annotated[str | None, typer.Option("--output-upper", help="Largest output that is allowed.")] = None,
+    prediction: Annotated[str | None, typer.Option("--prediction", help="mpc: how far its plan looks ahead, as in 40s.")] = None,
     overshoot: Annotated[float | None, typer.Option("--overshoot", help="Percent that the output may go beyond the set point.")] = None,
     ms: Annotated[float | None, typer.Option("--ms", help="Largest sensitivity Ms.")] = None,
     share: Annotated[float | None, typer.Option("--share", help="Share of the plants that has to keep both, 0 to 1.")] = None,
@@ -38,13 +42,14 @@ def tune(
     store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
 ) -> None:
-    """A PID or LQI from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
+    """A PID, LQI or MPC from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
     from plantfit.cli.commands.design.tuned_study import asked_of, tolerances_of
 
     wishes: dict[str, Any] = {
         "step": step, "load": load, "output": output, "input": input_, "controller": controller, "period": period, "lower": lower,
         "upper": upper, "overshoot": overshoot, "ms": ms, "share": share, "horizon": horizon, "plants": plants,
-        "tolerances": tolerances_of(tolerance or []),
+        "tolerances": tolerances_of(tolerance or []), "rate": rate, "output_lower": output_lower, "output_upper": output_upper,
+        "prediction": prediction,
     }  # fmt: skip
     loaded, wishes = asked_of(spec, set_point or [], wishes)
     from plantfit.cli.arguments.file_names import file_name

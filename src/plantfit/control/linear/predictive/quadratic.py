@@ -36,12 +36,13 @@ class Split(NamedTuple):
     multipliers: Any
 
 
-def prepared(w: np.ndarray, t: np.ndarray, soft: np.ndarray | None = None) -> Prepared:
-    """For W (n, n) positive definite and T (rows, n); `soft` (rows,) are weights, inf for hard rows (all if left out)."""
-    spread = np.linalg.eigvalsh(t @ np.linalg.solve(w, t.T))
-    spread = spread[spread > 1e-12 * spread[-1]]
-    rho = 1.0 / np.sqrt(spread[0] * spread[-1])
-    project = t @ np.linalg.solve(w + rho * t.T @ t, rho * t.T)
+def prepared(w: Any, t: Any, soft: Any = None) -> Prepared:
+    """For W (n, n) positive definite and T (rows, n); `soft` (rows,) are weights, inf for hard rows (all if left out). jax-traceable."""
+    xp: Any = np if isinstance(w, np.ndarray) and isinstance(t, np.ndarray) else jnp
+    spread = xp.linalg.eigvalsh(t @ xp.linalg.solve(w, t.T))
+    least = xp.min(xp.where(spread > 1e-12 * spread[-1], spread, spread[-1]))
+    rho = 1.0 / xp.sqrt(least * spread[-1])
+    project = t @ xp.linalg.solve(w + rho * t.T @ t, rho * t.T)
     weights = np.full(len(t), np.inf) if soft is None else np.asarray(soft, dtype=float)
     return Prepared(jnp.asarray(project), jnp.asarray(1.0 / (1.0 + rho / weights)))
 

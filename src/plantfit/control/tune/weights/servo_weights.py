@@ -1,7 +1,8 @@
 """From four numbers to an LQ servo for one identified plant: sampled matrices with dead time, both Riccati equations, the set point."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,17 @@ from plantfit.errors import SimulationError
 import jax.numpy as jnp
 
 MOST_PAST = 300  # inputs on their way through dead time
+
+
+class Advanced(NamedTuple):
+    """x+ = moves x + drive u, y = seen x: states of the plant, then inputs that act late on some of its ways. The state after the inputs
+    ahead is later x + ways (u[k-1], .., u[k-ahead]); x there as the plant had it without dead time."""
+
+    moves: np.ndarray
+    drive: np.ndarray
+    seen: np.ndarray
+    later: np.ndarray
+    ways: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +88,9 @@ class ServoPlant:
         u0, y0, step = float(rest.u[at]), wishes.set_point, abs(wishes.step)
         return cls(a, b, c, d, u0, y0, period, step, u_size, slow, wander, shake, target, ahead)
 
-    def servo(self, rho: Any, wander: Any, shake: Any, seconds: Any) -> Servo:
-        """The servo of least sum of (y/step)^2 + rho (u/u_size)^2, with the filter for a load that wanders and an input that is shaken by
-        these multiples of `u_size`, and a measurement noise of a step; the set point is followed within `seconds`. jax-traceable.
-
-        The inputs that are still ahead of the plant cannot be changed: the gain is that of the plant without this dead time, on the state
-        that they lead to. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., sections 11.2 - 11.4.
-        """
+    @cached_property
+    def advanced(self) -> Advanced:
+        """The plant without the dead time that all inputs share."""
         n, size = len(self.A), self.B.shape[1]
         late = size - 1 - self.ahead  # past inputs, after those ahead, that are states of the plant without dead time
         moves, drive = np.zeros((n + late,) * 2), np.zeros((n + late, 1))
@@ -92,15 +100,30 @@ class ServoPlant:
             drive[n, 0] = 1.0
             moves[n + 1 :, n:-1] = np.eye(late - 1)
         seen = np.r_[self.C, [self.D] * bool(late), np.zeros(max(late - 1, 0))]
-        q, r = jnp.outer(seen, seen) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
-        k = doubled(jnp.asarray(moves), jnp.asarray(drive), q, r)[0][0]
-        # the state after the inputs ahead, by this one and by each of them
         later, ways = np.eye(n + late), np.zeros((n + late, self.ahead))
         for j in range(self.ahead):
             ways[:, j] = later @ drive[:, 0]
             later = later @ moves
-        now = k @ later
-        past = jnp.concatenate([k @ ways, now[n:]])
+        return Advanced(moves, drive, seen, later, ways)
+
+    def regulator(self, rho: Any) -> tuple[Any, Any]:
+        """Gain (m,) and cost-to-go (m, m) on the states of `advanced`, of least sum of (y/step)^2 + rho (u/u_size)^2; jax-traceable."""
+        ahead = self.advanced
+        q, r = jnp.asarray(np.outer(ahead.seen, ahead.seen)) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
+        gain, cost = doubled(jnp.asarray(ahead.moves), jnp.asarray(ahead.drive), q, r)
+        return gain[0], cost
+
+    def servo(self, rho: Any, wander: Any, shake: Any, seconds: Any) -> Servo:
+        """The servo of least sum of (y/step)^2 + rho (u/u_size)^2, with the filter for a load that wanders and an input that is shaken by
+        these multiples of `u_size`, and a measurement noise of a step; the set point is followed within `seconds`. jax-traceable.
+
+        The inputs that are still ahead of the plant cannot be changed: the gain is that of the plant without this dead time, on the state
+        that they lead to. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., sections 11.2 - 11.4.
+        """
+        n, size, ahead = len(self.A), self.B.shape[1], self.advanced
+        k = self.regulator(rho)[0]
+        now = k @ ahead.later
+        past = jnp.concatenate([k @ ahead.ways, now[n:]])
         states = jnp.append(now[:n], 1.0 + jnp.sum(past))  # the load is as good as an input that never changes
         a, b = np.zeros((n + 1, n + 1)), np.zeros((n + 1, size))
         a[:n, :n], a[:n, n], a[n, n], b[:n] = self.A, self.B.sum(axis=1), 1.0, self.B

@@ -10,8 +10,8 @@ from plantfit.control.linear.dead_time import with_dead_time
 from plantfit.control.linear.design import Design, Limits, limits_of, named, stacked, weight
 from plantfit.control.linear.kalman import sampled_noise
 from plantfit.control.linear.linear_plant import LinearPlant, by_name, discretised
-from plantfit.control.linear.mpc import condensed
-from plantfit.control.linear.quadratic import Prepared, Split, prepared, solved
+from plantfit.control.linear.predictive.mpc import condensed
+from plantfit.control.linear.predictive.quadratic import Prepared, Split, prepared, solved
 from plantfit.control.linear.riccati import filter_gain, regulator_gain
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.closed_loop import Controller

@@ -10,7 +10,7 @@ from plantfit.control.linear.design import Design, Limits, followed, limits_of, 
 from plantfit.control.linear.kalman import Estimator, fitting
 from plantfit.control.linear.linear_plant import LinearPlant, by_name, discretised
 from plantfit.control.linear.lqr import regulator
-from plantfit.control.linear.quadratic import Prepared, Split, prepared, solved
+from plantfit.control.linear.predictive.quadratic import Prepared, Split, prepared, solved
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.closed_loop import Controller
 
@@ -48,7 +48,7 @@ def mpc(
     Least sum over the moves of (x - x0)' Q (x - x0) + (u - u0)' R (u - u0), and after the last one the cost of the `lqr` that
     has no limits: where none acts the command is that of `lqr` with a period of hold * period. `limits` of the inputs are
     hard; `state_limits` by name are soft, a violation d costs 1/2 softness d^2 a move. The reference of now is taken to
-    last. Every sample takes `steps` steps of `control.linear.quadratic`, which begin where those of the last sample ended.
+    last. Every sample takes `steps` steps of `control.linear.predictive.quadratic`, which begin where those of the last sample ended.
 
     Source: Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., sections 1.3, 2.5 and 8.8 (condensing about the regulator,
     as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65). Q, R, `estimator` and errors as in `lqr`.

@@ -1,0 +1,1 @@
+"""Controllers that plan ahead within limits: a quadratic program every sample."""
