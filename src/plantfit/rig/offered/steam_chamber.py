@@ -125,7 +125,8 @@ def _study(file: str, name: str, n: Mapping[str, float], constants: bool) -> str
         if limit:  # the error at full scale less that at zero: two even errors make a triangular one
             text += f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was set before the step\n"
             text += f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = "triangular"\n'
-    return f"{text}\n[search]\nseed = 1\n"
+    search = "" if constants or "tables_of" not in n else 'methods = ["least_squares"]  # 31 parameters with exact derivatives\nruns = 1\n'
+    return f"{text}\n[search]\nseed = 1\n{search}"
 
 
 RIG = OfferedRig(
