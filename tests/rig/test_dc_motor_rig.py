@@ -1,5 +1,7 @@
 """The virtual motor bench: exact to a tight solver, its sensors true to closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,6 +10,7 @@ import plantfit.recording as rec
 from plantfit.errors import SimulationError
 from plantfit.rig.dc_motor import ROBOT_MOTOR, DcMotorRig
 from plantfit.rig.encoder import capture
+from plantfit.rig.offered.dc_motor import board_excitation, board_rig
 
 RIG = DcMotorRig()
 RUN = RIG.record(seed=3)
@@ -121,3 +124,37 @@ def test_a_seed_gives_the_same_run_and_impossible_settings_are_refused():
         DcMotorRig(efficiency=98)
     with pytest.raises(SimulationError, match="current is 'hall'"):
         DcMotorRig(current="hall")  # type: ignore[arg-type]
+
+
+def test_a_period_tells_of_the_speed_at_its_end_not_of_half_a_step_ago():
+    """A shaft that speeds up evenly: edges lie where the parabola says, however coarse the steps are."""
+    t = np.linspace(0, 1.0, 21)
+    speed = 20.0 + 100.0 * t
+    angle = 20.0 * t + 50.0 * t**2
+    pulse = 2 * np.pi / 1000
+    seen = capture(t, angle, t, 1000, np.zeros(1000), 0.0, 0.05, speed)
+    last = np.floor(angle[1:] / pulse + 1e-9) * pulse
+    when = lambda a: (-20.0 + np.sqrt(400.0 + 200.0 * a)) / 100.0  # noqa: E731
+    np.testing.assert_allclose(seen.period[1:], when(last) - when(last - pulse), rtol=1e-9)
+    straight = capture(t, angle, t, 1000, np.zeros(1000), 0.0, 0.05)
+    assert np.all(pulse / straight.period[1:] < speed[1:] - 2.4)  # 25 ms late by 100 rad/s^2
+    slowing = capture(t, -angle[::-1], t, 1000, np.zeros(1000), 0.0, 0.05, speed[::-1])
+    np.testing.assert_allclose(pulse / slowing.period[1:], speed[::-1][1:], atol=0.06)
+
+
+def test_errors_of_a_repeated_drive_come_back_unless_the_voltage_wanders():
+    """Square waves of 5 s in which a motor settles: one settled reading says something of that 5 s later."""
+
+    def correlation(wander):
+        constants = {"Rm": 1.2, "Lm": 3e-3, "Kb": 0.05, "Kt": 0.05, "Jm": 4e-4, "Cm": 2e-4, "Tf": 4e-3}
+        rig, pairs, size = replace(board_rig(constants), wander=wander), [], []
+        for seed in range(3):
+            run = rig.record(seed, board_excitation())
+            speed = 2 * np.pi / rig.pulses / run.recording["Tp"]
+            error = np.where(np.abs(run.exact["w"]) > 190.0, speed - run.exact["w"], np.nan)
+            pairs.append(np.nanmean(error[50:] * error[:-50]))
+            size.append(np.nanvar(error))
+        return np.mean(pairs) / np.mean(size)
+
+    assert correlation(0.0) > 0.15
+    assert abs(correlation(0.002)) < 0.12

@@ -239,3 +239,15 @@ def test_set_points_of_a_loop_are_given_in_any_unit_and_slips_are_told(tmp_path)
     (tmp_path / "bar-tune.json").write_text(json.dumps(TUNED | {"output": {"name": "y", "unit": "bar"}}))
     with pytest.raises(UnitError, match="cannot be converted"):
         record_rig("dc_motor", controller=tmp_path / "bar-tune.json")
+
+
+def test_tables_of_one_opening_hold_at_every_opening_and_two_plants_are_refused():
+    made = record_rig("steam_chamber", {"tables_of": 40}, excitation="20%,40%", duration=120.0)
+    one = record_rig("steam_chamber", excitation="40%", duration=120.0)
+    assert made.truth["determined"] == one.truth["determined"]
+    settled = record_rig("steam_chamber", {"tables_of": 40}, excitation="20%", duration=600.0)
+    p = settled.truth["determined"]
+    y = settled.exact["y"][-1]
+    assert y == pytest.approx(20.0 * np.interp(y, p["nodes"]["value"], p["k"]["value"]), rel=1e-6)
+    with pytest.raises(SimulationError, match="k and tables_of are given; give one plant"):
+        record_rig("steam_chamber", {"tables_of": 40, "k": 0.4})

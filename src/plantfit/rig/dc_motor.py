@@ -6,6 +6,7 @@ from functools import lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
+from scipy.signal import lfilter
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
@@ -35,7 +36,9 @@ class DcMotorRig:
     turns once for `ratio` turns of the motor; `slot_error` is the rms error of a slot's place as a share of its width. A timer of
     `tick` s measures the last pulse's period, `timeout` s where none comes. `current` "rms" is a meter's RMS over `window` s,
     "signed" what a Hall sensor reads at the moment, both with `current_noise` (A rms) in steps of `current_step` (A). A sample every
-    `period` s for `duration` s; `substeps` between two.
+    `period` s for `duration` s; `substeps` between two. `wander` (V rms) is what the bridge's voltage wanders by over `wander_time` s:
+    without it a drive that repeats itself brings the shaft back to the same slot and the timer to the same count, round after round,
+    and the encoder's errors come back with it.
     """
 
     parameters: Mapping[str, float] = field(default_factory=lambda: dict(ROBOT_MOTOR))
@@ -52,15 +55,17 @@ class DcMotorRig:
     window: float = 1e-3
     current_noise: float = 2e-3
     current_step: float = 1e-3
+    wander: float = 0.0
+    wander_time: float = 1.0
     period: float = 1e-3
     duration: float = 1.0
     substeps: int = 50
 
     def __post_init__(self) -> None:
-        for name in ("supply", "bits", "pulses", "ratio", "timeout", "window", "period", "duration", "substeps"):
+        for name in ("supply", "bits", "pulses", "ratio", "timeout", "window", "wander_time", "period", "duration", "substeps"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise SimulationError(f"The motor rig's {name} is {getattr(self, name)}; give a number above 0.")
-        for name in ("slot_error", "tick", "current_noise", "current_step"):
+        for name in ("slot_error", "tick", "current_noise", "current_step", "wander"):
             if not getattr(self, name) >= 0:
                 raise SimulationError(f"The motor rig's {name} is {getattr(self, name)}; give 0 or more.")
         if not 0 < self.efficiency <= 1:
@@ -82,12 +87,13 @@ class DcMotorRig:
         """
         rng = np.random.default_rng(seed)
         t, duty = self._duty(excitation)
-        volts = duty * self.volts_per_count
+        volts = duty * self.volts_per_count + self.wandering(seed, len(t))
         i, w = self._simulated(volts)
         fine = np.arange(len(i)) * (self.period / self.substeps)
         phase, slots = self.encoder(rng)
         turned = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(fine))])
-        pulses = capture(fine, turned / self.ratio + 2 * np.pi * phase / self.pulses, t, self.pulses, slots, self.tick, self.timeout)
+        angle = turned / self.ratio + 2 * np.pi * phase / self.pulses
+        pulses = capture(fine, angle, t, self.pulses, slots, self.tick, self.timeout, w / self.ratio)
         at = slice(None, None, self.substeps)
         rms = self._rms(i)[at]
         shown = (rms if self.current == "rms" else i[at]) + self.current_noise * rng.standard_normal(len(t))
@@ -108,6 +114,15 @@ class DcMotorRig:
         """The encoder's phase in slots and how far each of its slots (pulses,) is off, as a share of its width."""
         phase, slots = rng.uniform(), self.slot_error * rng.standard_normal(self.pulses)
         return phase, np.clip(slots, -0.4, 0.4)  # edges keep their order
+
+    def wandering(self, seed: int, n: int) -> np.ndarray:
+        """What is added to the bridge's voltage in each of `n` periods (V): an Ornstein-Uhlenbeck process from the seed."""
+        if self.wander == 0:
+            return np.zeros(n)
+        memory = float(np.exp(-self.period / self.wander_time))
+        draws = np.random.default_rng([seed, 12]).standard_normal(n)
+        draws[1:] *= np.sqrt(1.0 - memory**2)
+        return self.wander * lfilter([1.0], [1.0, -memory], draws)
 
     @property
     def volts_per_count(self) -> float:
@@ -151,7 +166,7 @@ class DcMotorRig:
 
 _SETTINGS = (
     "supply", "bits", "efficiency", "pulses", "ratio", "slot_error", "tick", "timeout", "current", "window", "current_noise",
-    "current_step", "period", "substeps",
+    "current_step", "wander", "wander_time", "period", "substeps",
 )  # fmt: skip
 
 

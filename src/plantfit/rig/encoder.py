@@ -12,11 +12,21 @@ class Pulses(NamedTuple):
     period: np.ndarray
 
 
-def capture(t_fine: np.ndarray, angle: np.ndarray, t: np.ndarray, pulses: int, slots: np.ndarray, tick: float, timeout: float) -> Pulses:
+def capture(
+    t_fine: np.ndarray,
+    angle: np.ndarray,
+    t: np.ndarray,
+    pulses: int,
+    slots: np.ndarray,
+    tick: float,
+    timeout: float,
+    speed: np.ndarray | None = None,
+) -> Pulses:
     """Pulses of a disc with `pulses` slots whose edges lie at (n + slots[n mod pulses]) / pulses of a turn.
 
-    `angle` (M,) of the disc in rad at times `t_fine` (M,), straight between them. A timer of `tick` s (0: exact) stamps the edges;
-    a period is that between two edges the same way round, kept until the next, and `timeout` once none came for so long.
+    `angle` (M,) of the disc in rad at times `t_fine` (M,), straight between them; with `speed` (M,) in rad/s, of which the angle is the
+    trapezoidal sum, a parabola, without which a period tells of the speed half a step ago. A timer of `tick` s (0: exact) stamps
+    the edges; a period is that between two edges the same way round, kept until the next, and `timeout` once none came for so long.
     """
     place = angle * pulses / (2 * np.pi)
     first, last = int(np.floor(place.min())) - 2, int(np.ceil(place.max())) + 2
@@ -28,9 +38,23 @@ def capture(t_fine: np.ndarray, angle: np.ndarray, t: np.ndarray, pulses: int, s
     way = np.sign(jumps)[step]
     edge = np.where(way > 0, whole[step] + 1 + nth, whole[step] - nth).astype(int)
     share = (edge + slots[np.mod(edge, pulses)] - place[step]) / (place[step + 1] - place[step])
+    if speed is not None:
+        share = _share_of_parabola(share, speed[step], speed[step + 1])
     stamp = t_fine[step] + share * (t_fine[step + 1] - t_fine[step])
     counts = np.concatenate([[0.0], np.cumsum(way)])[np.searchsorted(stamp, t, side="right")]
     return Pulses(counts, _periods(stamp, way, t, tick, timeout))
+
+
+def _share_of_parabola(share: np.ndarray, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Share of a step's time after which `share` of its way is done, by a speed that goes straight from one value to another.
+
+    A step that turns round within keeps the straight line.
+    """
+    mean = 0.5 * (begins + ends)
+    steady = begins * ends > 0
+    first, rest = np.where(steady, begins / np.where(steady, mean, 1.0), 1.0), np.where(steady, 0.5 * (ends - begins), 0.0)
+    bend = rest / np.where(steady, mean, 1.0)
+    return 2.0 * share / (first + np.sqrt(np.maximum(first**2 + 4.0 * bend * share, 0.0)))
 
 
 def _periods(stamp: np.ndarray, way: np.ndarray, t: np.ndarray, tick: float, timeout: float) -> np.ndarray:

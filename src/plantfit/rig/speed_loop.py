@@ -30,6 +30,7 @@ def driven_by_pid(
     per_turn, most = 2 * np.pi / rig.pulses, 2**rig.bits - 1
     back = int(np.ceil((2 * rig.timeout + rig.period) / step)) + 1  # fine steps in which the last full pulse lies
     n = len(set_points)
+    adds = rig.wandering(seed, n)
     fine = np.arange((n - 1) * rig.substeps + 1) * step
     turned, w = np.zeros(len(fine)), np.zeros(len(fine))
     volts, x = np.zeros(n), (0.0, 0.0)
@@ -39,7 +40,8 @@ def driven_by_pid(
         end = k * rig.substeps
         window = slice(max(0, end - back), end + 1)
         angle = turned[window] / rig.ratio + phase * per_turn
-        period = float(capture(fine[window], angle, fine[end : end + 1], rig.pulses, slots, rig.tick, rig.timeout).period[0])
+        seen = capture(fine[window], angle, fine[end : end + 1], rig.pulses, slots, rig.tick, rig.timeout, w[window] / rig.ratio)
+        period = float(seen.period[0])
         read = 0.0 if abs(period) >= rig.timeout else rig.ratio * per_turn / period
         state, command = update(state, read * speed, float(set_points[k]))
         duty = np.clip(np.round(float(command) * volt / rig.volts_per_count), -most, most)
@@ -47,7 +49,7 @@ def driven_by_pid(
             raise SimulationError(f"The loop has no finite voltage any more at {fine[end]:.6g} s; its controller makes the motor unstable.")
         volts[k] = duty * rig.volts_per_count
         if k + 1 < n:
-            i, speeds = run_motor(plant, step, p, np.full(rig.substeps, volts[k]), rig.load, x)
+            i, speeds = run_motor(plant, step, p, np.full(rig.substeps, volts[k] + adds[k]), rig.load, x)
             x, new = (float(i[-1]), float(speeds[-1])), slice(end + 1, end + 1 + rig.substeps)
             w[new] = speeds
             turned[new] = turned[end] + np.cumsum(0.5 * (w[new] + w[end : end + rig.substeps]) * step)

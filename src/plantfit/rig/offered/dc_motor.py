@@ -32,10 +32,10 @@ TRUTH = PUBLISHED | {"Kb": PUBLISHED["Kt"]}
 
 
 def board_rig(parameters: Mapping[str, float]) -> DcMotorRig:
-    """12 V bridge at 98 % with 8 bits, 500 lines read on all four edges, a Hall sensor of 20 mA rms."""
+    """12 V bridge at 98 % with 8 bits that wanders by 2 mV rms, 500 lines read on all four edges, a Hall sensor of 20 mA rms."""
     return DcMotorRig(
-        parameters, pulses=2000, ratio=1.0, slot_error=0.01, current="signed", current_noise=0.02, current_step=0.01, period=PERIOD,
-        substeps=round(PERIOD / STEPS_OF),
+        parameters, pulses=2000, ratio=1.0, slot_error=0.01, current="signed", current_noise=0.02, current_step=0.01, wander=0.002,
+        period=PERIOD, substeps=round(PERIOD / STEPS_OF),
     )  # fmt: skip
 
 
@@ -51,10 +51,14 @@ def board_excitation(amplitude: float = 11.0, duration: float = DURATION, period
 
 
 def sent(run: RigRun, rig: DcMotorRig, oldest: float = OLDEST) -> Recording:
-    """V (V), w (rad/s), i (A) as the board sends them: readings of the speed that tell of over `oldest` s ago are missing."""
+    """V (V), w (rad/s), i (A) as the board sends them: readings of the speed that tell of over `oldest` s ago are missing.
+
+    The board takes off what its timer's steps and the slots' errors do to the mean of 1/period, and reads 0 before the bridge is on.
+    """
     told = duty_to_voltage(run.recording, "duty", "V", rig.supply, 2**rig.bits - 1, rig.bits, rig.efficiency)
-    told = period_to_speed(told, "Tp", "w", rig.pulses, ratio=rig.ratio, slot_error=rig.slot_error, counts="N", lag="age")
+    told = period_to_speed(told, "Tp", "w", rig.pulses, ratio=rig.ratio, slot_error=rig.slot_error, tick=rig.tick, counts="N", lag="age")
     kept = np.where(told["age"] <= oldest, told["w"], np.nan)
+    kept[0] = 0.0
     dropped = f"{int(np.sum(np.isnan(kept)))} readings older than {oldest:g} s, from where the motor reverses, are not sent."
     signals = {"V": told.signals["V"], "w": Signal(kept, "rad/s"), "i": told.signals["i"]}
     return Recording(told.t, signals, run.recording.name, (*told.log, dropped))
@@ -73,6 +77,7 @@ def _numbers() -> tuple[Number, ...]:
         Number("current_step", "A", 0.01, "step of the current's reading", "noise", open=False),
         Number("slot_error", "1", 0.01, "rms error of a slot's place, of its width", "noise", open=False, most=0.2),
         Number("tick", "s", 1e-6, "step of the timer", "noise", open=False),
+        Number("wander", "V", 0.002, "rms by which the bridge's voltage wanders within a second", "noise", open=False),
         Number("pulses", "counts", 2000, "edges of the encoder for a turn", "noise", least=4, open=False, most=1e6, whole=True),
         Number("supply", "V", 12.0, "supply of the bridge", "setting"),
         Number("efficiency", "1", 0.98, "share of the supply that the bridge passes on", "setting", most=1.0),
@@ -87,7 +92,7 @@ def _record(asked: Asked) -> RigRecord:
     rig = replace(
         board_rig({name: n[name] for name in UNITS}), supply=n["supply"], efficiency=n["efficiency"], bits=int(n["bits"]),
         pulses=int(n["pulses"]), slot_error=n["slot_error"], tick=n["tick"], current_noise=n["current_noise"],
-        current_step=n["current_step"], period=period, duration=duration, substeps=max(10, round(period / STEPS_OF)),
+        current_step=n["current_step"], wander=n["wander"], period=period, duration=duration, substeps=max(10, round(period / STEPS_OF)),
     )  # fmt: skip
     most = rig.efficiency * rig.supply
     if asked.controller is not None:

@@ -11,7 +11,7 @@ from plantfit.errors import SimulationError
 from plantfit.recording.record import Recording
 from plantfit.rig.offered.contract import Asked, Number, OfferedRig, RigRecord, truth_of
 from plantfit.rig.offered.driven import driven_by
-from plantfit.rig.steam_chamber import NODES, SteamChamberRig
+from plantfit.rig.steam_chamber import NODES, SteamChamberRig, smooth_truth
 
 PLANT = {"k": "bar/%", "A1": "s", "A2": "s^2", "Td": "s"}
 _SAID = "; with all four of k, A1, A2, Td given the plant is the same at every opening, else tables of the opening"
@@ -23,6 +23,9 @@ def _numbers() -> tuple[Number, ...]:
         Number("A1", PLANT["A1"], None, "damping: y'' A2 + y' A1 + y = k u(t - Td)"),
         Number("A2", PLANT["A2"], None, "inertia of the response"),
         Number("Td", PLANT["Td"], None, "dead time of the valve", open=False, most=30.0),
+        Number(
+            "tables_of", "%", None, "the tables of this opening at every opening, so that the valve may move under pressure", most=100.0
+        ),
         Number("noise", "bar", 0.05, "rms noise of a sample", "noise", open=False),
         Number("bits", "1", 12, "bits of the input card", "noise", least=4, open=False, most=24, whole=True),
         Number("transducer_limit", "%", 0.1, "limit of the transducer's error, of full scale", "noise", open=False, most=10.0),
@@ -37,6 +40,8 @@ def _record(asked: Asked) -> RigRecord:
     n = asked.numbers
     period, duration = asked.period or RIG.period, asked.duration
     own = [name for name in PLANT if name in asked.given]
+    if own and "tables_of" in n:
+        raise SimulationError(f"Rig 'steam_chamber': {own[0]} and tables_of are given; give one plant.")
     if own and len(own) < len(PLANT):
         lacking = next(p for p in PLANT if p not in own)
         raise SimulationError(f"Rig 'steam_chamber': {own[0]} is given, but {lacking} is not; give all of {', '.join(PLANT)}, or none.")
@@ -50,14 +55,18 @@ def _record(asked: Asked) -> RigRecord:
     if own:
         flat = {name: n[name] if name == "Td" else np.full(len(NODES), n[name]) for name in PLANT}
         rig = replace(rig, truth=lambda _: flat)
+    elif "tables_of" in n:
+        shared = smooth_truth(n["tables_of"])
+        rig = replace(rig, truth=lambda _: shared)
     elif len(np.unique(openings)) > 1:
         raise SimulationError(
             f"Rig 'steam_chamber': the valve takes {len(np.unique(openings))} openings, but the rig's tables belong to one; "
-            f"give {', '.join(PLANT)} for a plant that is the same at all, or one opening."
+            f"give {', '.join(PLANT)} for a plant that is the same at all, tables_of for tables that are, or one opening."
         )
-    run = rig.record(drive if own else float(openings[0]), asked.seed, float(drive.t[-1] - drive.t[0]) if _lasts(asked, own) else None)
+    moves = bool(own) or "tables_of" in n
+    run = rig.record(drive if moves else float(openings[0]), asked.seed, float(drive.t[-1] - drive.t[0]) if _lasts(asked, own) else None)
     asked = asked._replace(duration=float(run.recording.t[-1]))
-    units = PLANT | {"k": "bar/%"}
+    units = PLANT
     determined: dict[str, Any] = {p: {"value": run.truth["parameters"][p], "unit": units[p]} for p in PLANT}
     if own:
         determined = {p: {"value": n[p], "unit": units[p]} for p in PLANT}
@@ -116,7 +125,8 @@ def _study(file: str, name: str, n: Mapping[str, float], constants: bool) -> str
         if limit:  # the error at full scale less that at zero: two even errors make a triangular one
             text += f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was set before the step\n"
             text += f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = "triangular"\n'
-    return f"{text}\n[search]\nseed = 1\n"
+    search = "" if constants or "tables_of" not in n else 'methods = ["least_squares"]  # 31 parameters with exact derivatives\nruns = 1\n'
+    return f"{text}\n[search]\nseed = 1\n{search}"
 
 
 RIG = OfferedRig(
