@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo docs test test-slow test-versions fuzz release check bench bbob browser postgres clean
+.PHONY: help demo docs notebooks test test-slow test-versions fuzz release check bench bbob browser postgres clean
 
 help:  ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
@@ -26,6 +26,9 @@ test-slow: $(DEV) browser postgres  ## Longer studies
 
 docs: $(DEV)  ## Build the site of the docs into site/, every link checked; SERVE=1 shows it
 	$(BIN)/mkdocs $(if $(SERVE),serve,build --strict)
+
+notebooks: $(DEV)  ## Run the notebooks of docs/notebooks anew and keep their outputs
+	$(BIN)/python tools/notebooks.py
 
 fuzz: $(DEV)  ## Broken inputs to every reader for MINUTES=5; SEED=1 repeats
 	$(BIN)/python tests/fuzz/fuzz.py --minutes $(or $(MINUTES),5) $(if $(SEED),--seed $(SEED))

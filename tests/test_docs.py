@@ -53,6 +53,16 @@ def test_every_addition_and_look_has_a_picture(site):
         assert "nan" not in picture, name
 
 
+def test_notebooks_are_pages_with_their_pictures(site):
+    for book in (ROOT / "docs" / "notebooks").glob("*.ipynb"):
+        page = (site / "notebooks" / f"{book.stem}.html").read_text("utf-8")
+        shown = re.findall(rf'src="({book.stem}-[\d-]+\.png)"', page)
+        assert len(shown) == book.read_text("utf-8").count('"image/png"') >= 2
+        assert all((site / "notebooks" / name).read_bytes().startswith(b"\x89PNG") for name in shown)
+        assert f'href="{book.name}"' in page
+    assert 'href="notebooks/pendubot.html"' in (site / "overview.html").read_text("utf-8")
+
+
 def test_every_command_stands_in_the_reference(site):
     help_ = subprocess.run([sys.executable, "-m", "plantfit", "--help"], capture_output=True, text=True, timeout=120).stdout
     known = re.findall(r"^  ([a-z][a-z-]+)  ", help_, re.MULTILINE)

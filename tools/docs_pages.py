@@ -9,6 +9,7 @@ import inspect
 import json
 import re
 import sys
+from base64 import b64decode
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tools")]
+from notebooks import notebooks
 from pictures import pictures
 from verdict_pictures import pictures as verdict_pictures
 
@@ -43,9 +45,32 @@ def on_files(files: Files, config: Any) -> Files:
     pages |= {f"pictures/{name}.svg": svg for name, (_, _, svg) in drawn.items()}
     pages |= {f"verdict/{name}.svg": svg for name, svg in verdict_pictures().items()}
     pages["what-it-looks-like.md"] = pictures_page(drawn)
+    for book in notebooks():
+        pages |= notebook_page(book)
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     return files
+
+
+def notebook_page(path: Path) -> dict[str, str | bytes]:
+    """A notebook as a page with the outputs that it keeps, and its pictures, by their places on the site."""
+    made: dict[str, str | bytes] = {}
+    text = []
+    for k, cell in enumerate(json.loads(path.read_text("utf-8"))["cells"]):
+        source = "".join(cell["source"])
+        text.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
+        for j, output in enumerate(cell.get("outputs", [])):
+            data = output.get("data", {})
+            if "image/png" in data:
+                name = f"{path.stem}-{k}-{j}.png"
+                made[f"notebooks/{name}"] = b64decode(data["image/png"])
+                text.append(f"![Drawn by the lines above]({name})")
+            else:
+                said = "".join(output.get("text") or data.get("text/plain", ""))
+                text.append(f"```text\n{said.rstrip()}\n```")
+    link = f"[This page as a notebook]({path.name}) for Jupyter; `pip install 'plantfit[notebooks]'` has what it needs."
+    head, _, rest = "\n\n".join(text).partition("\n")
+    return {f"notebooks/{path.stem}.md": f"{head}\n\n{link}\n{rest}\n", **made}
 
 
 def start_page() -> str:
@@ -61,7 +86,8 @@ def relinked(text: str, up: str) -> str:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Links out of docs/ lead to the repository, which the site does not have."""
+    """Links out of docs/ lead to the repository, which the site does not have; those to notebooks lead to their pages."""
+    markdown = re.sub(r"\]\(notebooks/(\w+)\.ipynb\)", r"](notebooks/\1.md)", markdown)
     return re.sub(r"\[([^\]]+)\]\(\.\./(?!reference/|[\w-]+\.(?:md|png))[^)]*\)", r"\1", markdown)
 
 

@@ -161,7 +161,9 @@ def test_process_starts_measured_or_free(build):
 
 
 def test_gain_unit_follows_the_signals():
-    assert first_order(input_unit="%", output_unit="degC").declared("K").unit == "(degC)/(%)"
+    assert first_order(input_unit="%", output_unit="degC").declared("K").unit == "degC/%"
+    assert first_order(input_unit="1", output_unit="degC").declared("K").unit == "degC"
+    assert first_order(input_unit="rad/s", output_unit="V").declared("K").unit == "V/(rad/s)"
     assert first_order(input_unit="%").declared("K").unit is None
 
 

@@ -75,12 +75,18 @@ def demo(
     out: Annotated[str, typer.Option("--out", "-o", help="Folder for the reports.")] = "out",
     list_: Annotated[bool, typer.Option("--list", help="Name the demos and stop.")] = False,
     full: Annotated[bool, typer.Option("--full", help="The whole study instead of a short form of it, where a demo has both.")] = False,
+    files: Annotated[bool, typer.Option("--files", help="Copy its recordings and study files only, to work with them yourself.")] = False,
     json: Json = False,
 ) -> None:
     """Work a demo that comes with plantfit, end to end, and write its reports."""
     from plantfit.cli.commands import demos
 
-    demos.listed(json) if list_ else demos.demo(name, out, full, json)
+    if list_:
+        demos.listed(json)
+    elif files:
+        demos.copied(name, out, json)
+    else:
+        demos.demo(name, out, full, json)
 
 
 @app.command()

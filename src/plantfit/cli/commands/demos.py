@@ -28,14 +28,33 @@ def _about(seconds: float) -> str:
     return f"about {5 * max(1, round(seconds / 5))} s" if seconds < 55 else f"about {seconds / 60:.0f} min"
 
 
-def demo(name: str, folder: str, full: bool, json: bool) -> None:
-    """Run one demo in `folder`/`name` and write a report for every fit, and a page of its own where it has sections."""
-    from plantfit.cases.shared.registry import demos, seconds
+def copied(name: str, folder: str, json: bool) -> None:
+    """Copy the recordings and study files of a demo to `folder`/`name` and name them."""
+    from plantfit.cases.shared.files import unpack
+
+    _known(name)
+    place = unpack(name, Path(folder) / name)
+    names = sorted(p.name for p in place.iterdir() if p.suffix in (".toml", ".csv", ".gz"))
+    if json:
+        return print_json({"name": name, "folder": str(place), "files": names})
+    out.print(f"Written into {place}: {', '.join(names)}", markup=False, soft_wrap=True)
+
+
+def _known(name: str) -> tuple[str, Any]:
+    """The sentence and the loader of a demo. Raises SpecError where there is none of this name."""
+    from plantfit.cases.shared.registry import demos
 
     known = demos()
     if name not in known:
         raise SpecError(f"There is no demo {name!r}; there are {', '.join(known)}.")
-    sentence, load = known[name]
+    return known[name]
+
+
+def demo(name: str, folder: str, full: bool, json: bool) -> None:
+    """Run one demo in `folder`/`name` and write a report for every fit, and a page of its own where it has sections."""
+    from plantfit.cases.shared.registry import seconds
+
+    sentence, load = _known(name)
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n{'' if full else f'This takes {_about(seconds(name))}.'}\n")
     began, place = time.perf_counter(), Path(folder) / name

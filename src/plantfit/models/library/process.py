@@ -7,6 +7,7 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
 from plantfit.models.remade import remade
+from plantfit.units import quotient
 
 Initial = Literal["measured", "free"]
 
@@ -127,7 +128,7 @@ def _parameters(
 
 def gain_unit(input_unit: str | None, output_unit: str | None) -> str | None:
     """Unit of y per unit of u; None when one of them is not known."""
-    return None if input_unit is None or output_unit is None else f"({output_unit or '1'})/({input_unit or '1'})"
+    return None if input_unit is None or output_unit is None else quotient(output_unit, input_unit)
 
 
 def optional_parameters(dead_time: bool, offset: bool, initial: str, output_unit: str | None) -> Iterator[Declared]:
