@@ -102,6 +102,7 @@ def test_two_faults_are_named_one_after_the_other_and_the_file_runs(tmp_path):
     study = load(place)
     d = diagnosed(place, drifting)
     assert {t.extension.kind for t in d.found} == {"dead_time", "drift"}
+    assert d.exchanged == ()
     made = with_additions(study.text, study.path, changed(d))
     (tmp_path / "new.toml").write_text(made)
     problem = load(tmp_path / "new.toml").problem

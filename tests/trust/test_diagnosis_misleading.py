@@ -64,19 +64,36 @@ def test_friction_that_is_whole_at_once_is_followed_to_the_noise(tmp_path):
     assert not any("noise is left" in s["sentence"] for s in sentences)
 
 
-def test_what_stood_for_two_causes_is_dropped_when_both_are_found(tmp_path):
+def test_what_stood_for_two_causes_is_exchanged_when_both_are_found(tmp_path):
     """A sensor lag explains most of a dead time with dry friction, and nothing beside both."""
     place = write(PLANTS["second"], "coulomb+dead_time", 0.005, 20, tmp_path)
     answer = fit(load(place).problem, budget=1500)
     d = diagnose(answer.problem, answer.best.x)
     assert {t.extension.kind for t in d.found} == {"coulomb", "dead_time"}
-    assert [e.kind for e in d.dropped] == ["sensor_lag"]
     record = diagnosis_record(d)
-    assert record["dropped"] == ["sensor lag of y"]
+    assert (record["exchanged"], record["dropped"]) == ({"sensor lag of y": "dead time of u"}, [])
     said = [s["sentence"] for s in record["verdict"]]
-    assert any(s.startswith("A sensor lag of y was found first, and explains nothing beside that") for s in said)
+    assert "A sensor lag of y was found first; beside what was found later a dead time of u fits better in its place." in said
+    assert not any("explains nothing beside that" in s for s in said)
     assert not any("A sensor lag of" in s and "explains" in s and "very likely" in s for s in said)
     for t in d.found:
         assert t.standard_error is not None
         assert abs(t.value or 0.0) > SURE * t.standard_error
         assert t.value == pytest.approx(PLANTS["second"].faults[t.extension.kind], rel=0.05)  # as both together have it
+
+
+def test_what_was_found_first_gives_its_place_to_what_fits_better_beside_a_later_cause(tmp_path):
+    """A further lag with a wrong initial value, in the tanks: a sensor lag explains more at first, and is neither of both."""
+    place = write(PLANTS["tanks"], "lag+start", 0.02, 41, tmp_path)
+    answer = fit(load(place).problem, budget=1500)
+    d = diagnose(answer.problem, answer.best.x)
+    assert [(t.extension.kind, t.extension.signal) for t in d.found] == [("lag", "u"), ("start", "h1")]
+    assert d.found[0].value == pytest.approx(15.0, rel=0.1)
+    assert d.found[1].value == pytest.approx(5.0, rel=0.1)
+    record = diagnosis_record(d)
+    assert record["exchanged"] == {"sensor lag of y": "further lag of u"}
+    assert record["dropped"] == ["initial value of h2"]  # which had stood for that of h1
+    said = [s["sentence"] for s in record["verdict"]]
+    assert "A sensor lag of y was found first; beside what was found later a further lag of u fits better in its place." in said
+    assert any(s.startswith("Another initial value of h2 was found first, and explains nothing beside that") for s in said)
+    assert not any(s.startswith("A sensor lag of") and "explains" in s for s in said)

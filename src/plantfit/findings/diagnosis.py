@@ -69,6 +69,8 @@ class Diagnosis(Record):
     rounds: list[Round] = []
     dropped: list[str] = []
     """Found first, and explained by what was found later."""
+    exchanged: dict[str, str] = {}
+    """By what was found first: what fits better in its place beside what was found later."""
     outliers: Outliers | None = None
     write: list[str] = []
     """Lines of the study file."""

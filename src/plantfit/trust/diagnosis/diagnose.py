@@ -14,12 +14,13 @@ from plantfit.problem.problem import Problem
 from plantfit.sobol import Sobol
 from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
-from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
+from plantfit.trust.diagnosis.hypothesis import Fitted, carrier_places, fitted, without
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.outliers import outlying
 
 QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in full, additions that may be named one after the other
+RIVALS = 3  # of an earlier finding that are tried in its place
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
@@ -85,7 +86,8 @@ class Outliers:
 class Diagnosis:
     """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
     were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
-    `dropped` were found first, and explain nothing beside what was found later. `evaluations` of the cost were spent. It is `whole` where
+    `dropped` were found first, and explain nothing beside what was found later; `exchanged` are pairs of what was found first and what fits
+    better in its place then. `evaluations` of the cost were spent. It is `whole` where
     the work allowed was enough for everything."""
 
     carrier: Carrier
@@ -97,6 +99,7 @@ class Diagnosis:
     unseen_blocks: bool
     whole: bool = True
     dropped: tuple[Extension, ...] = ()
+    exchanged: tuple[tuple[Extension, Extension], ...] = ()
 
     @property
     def found(self) -> tuple[Trial, ...]:
@@ -145,6 +148,7 @@ def diagnose(
     made: list[Round] = []
     bare, waiting, whole, taken = base, False, True, 0.0
     dropped: list[Extension] = []
+    exchanged: list[tuple[Extension, Extension]] = []
     if wanted is not None:
         for e in wanted:
             made.append(_round(carrier, base, [e], use, kept, say))
@@ -186,11 +190,15 @@ def diagnose(
                 carrier, base = sharp, at
                 made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, made[-1].found[0], at, use, kept), *one.found[1:]))
         if one.found and len(base.additions) > 1:
-            say("fitting without what was found before")
+            say("fitting without what was found before, and with what had helped in its place")
+            base, made, better = _exchanged(carrier, bare, base, made, use, kept)
+            exchanged += better
             base, made, gone = _pruned(carrier, bare, base, made, use, kept)
             dropped += gone
     whole, made = whole and all(r.whole for r in made), _valued(carrier, made, use)
-    return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole, tuple(dropped))
+    return Diagnosis(
+        carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept), whole, tuple(dropped), tuple(exchanged)
+    )
 
 
 def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Round]:
@@ -218,20 +226,62 @@ def _pruned(
         less = without(carrier, base, a, use)
         if evidence(less, base, carrier.rows, use) < made[-1].needed:
             base, gone = less, [*gone, a]
-    rounds = list(made)
-    if gone:  # what is left is told anew, one after the other
-        before = bare
-        for k, one in enumerate(rounds):
-            if not one.found or one.found[0].extension in gone:
-                rounds[k] = replace(one, found=())
-                continue
-            upto = base.additions[: base.additions.index(one.found[0].extension) + 1]
-            at = base
-            for a in base.additions[len(upto) :]:
-                at = without(carrier, at, a, use)
-            rounds[k] = replace(one, found=(_refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
-            before = at
-    return base, rounds, gone
+    rounds = [replace(r, found=()) if r.found and r.found[0].extension in gone else r for r in made]
+    return base, _told_anew(carrier, bare, base, rounds, use, kept) if gone else list(made), gone
+
+
+def _exchanged(
+    carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray
+) -> tuple[Fitted, list[Round], list[tuple[Extension, Extension]]]:
+    """The fit and the rounds, an earlier finding in exchange for one that had helped as well where the record prefers that one by now;
+    which these were.
+
+    What is found first may stand for two causes, of which it is neither.
+    """
+    rounds, pairs = list(made), []
+    for k, one in enumerate(made[:-1]):
+        if not one.found or one.found[0].extension not in base.additions:
+            continue
+        old, best, by = one.found[0].extension, base, None
+        rivals = [t for t in one.trials[:FINALISTS] if t.extension not in base.additions and t.explained >= WORTH and t.at is not None]
+        for t in rivals[:RIVALS]:
+            if not carrier.meter.holds(0.0, FITTING):
+                break
+            at = _in_place_of(carrier, base, old, t, use)
+            if at.cost(use) < best.cost(use) and evidence(base, at, carrier.rows, use) >= ALIKE:
+                best, by = at, t
+        if by is not None:
+            base, rounds[k] = best, replace(one, found=(by,))
+            pairs.append((old, by.extension))
+    return base, _told_anew(carrier, bare, base, rounds, use, kept) if pairs else rounds, pairs
+
+
+def _in_place_of(carrier: Carrier, base: Fitted, old: Extension, t: Trial, use: np.ndarray) -> Fitted:
+    """The fit with the addition of a trial in place of another one, from where both ended."""
+    assert t.at is not None
+    place, x, theta = base.additions.index(old), base.x.copy(), base.theta.copy()
+    if old.place == "inside":
+        x[carrier_places(carrier, old)] = 0.0
+    if t.extension.place == "inside":
+        own = carrier_places(carrier, t.extension)
+        x[own] = t.at.x[own]
+    theta[place] = t.at.theta[t.at.additions.index(t.extension)]
+    return fitted(carrier, (*base.additions[:place], t.extension, *base.additions[place + 1 :]), x, theta, use)
+
+
+def _told_anew(carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray) -> list[Round]:
+    """The rounds with the figures of the additions of a fit, one after the other."""
+    rounds, before = list(made), bare
+    for k, one in enumerate(rounds):
+        if not one.found:
+            continue
+        upto = base.additions[: base.additions.index(one.found[0].extension) + 1]
+        at = base
+        for a in base.additions[len(upto) :]:
+            at = without(carrier, at, a, use)
+        rounds[k] = replace(one, found=(_refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
+        before = at
+    return rounds
 
 
 def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray) -> list[Round]:

@@ -82,7 +82,8 @@ def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Fin
 
 
 _EMPTY = {
-    "rounds": [], "dropped": [], "outliers": None, "write": [], "evaluations": 0.0, "allowed": None, "with": [], "residuals": [],
+    "rounds": [], "dropped": [], "exchanged": {},
+    "outliers": None, "write": [], "evaluations": 0.0, "allowed": None, "with": [], "residuals": [],
     "next": "",
 }  # fmt: skip
 

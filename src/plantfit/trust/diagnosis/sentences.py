@@ -27,6 +27,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
         "rounds": [_round(diagnosis, r).plain() for r in diagnosis.rounds],
         "dropped": [e.name for e in diagnosis.dropped],
+        "exchanged": {old.name: new.name for old, new in diagnosis.exchanged},
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
     }
@@ -73,6 +74,10 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield say(
             "info", f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was found later."
         )
+    for old, new in d.exchanged:
+        first, better = (f"{e.article} {e.name}".strip() for e in (old, new))
+        text = f"{first[0].upper()}{first[1:]} was found first; beside what was found later {better[0].lower()}{better[1:]} fits better"
+        yield say("info", f"{text} in its place.")
     if not d.found:
         yield _nothing(d, alone)
     last = d.rounds[-1]

@@ -47,9 +47,14 @@ def some(names: Sequence[str], most: int = NAMED) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
+EXACT = 1e-9  # of a value: standard errors below are those of rounded numbers, no sensor is as good
+
+
 def estimate(p: dict[str, Any]) -> str:
-    """`R = 2.31 ± 0.04 ohm`, rounded by the standard error."""
+    """`R = 2.31 ± 0.04 ohm`, rounded by the standard error; `R = 2.31 ohm (exact to rounding)` where that says no more."""
     error = p["standard_error"]
+    if error and error <= EXACT * abs(p["value"]):
+        return f"{p['name']} = {p['value']:.9g} {p['unit'] or ''}".rstrip() + " (exact to rounding)"
     if not error:
         return f"{p['name']} = {with_unit(p['value'], p['unit'])}"
     digits = max(0, 1 - int(np.floor(np.log10(error)))) if error < 10 else 0
