@@ -357,16 +357,6 @@ class Problem:
             self._compiled[key] = make()
         return self._compiled[key]
 
-    def gauss_newton_product(self, z: Any, v: Any) -> np.ndarray:
-        """(2/m) J'J v (d,): the Gauss-Newton approximation of the cost's Hessian at a cube point, times a vector (d,)."""
-        v, product, count = np.asarray(v, dtype=float), np.zeros(self.space.dimension), 0
-        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        for (r, jacobian), own in zip(blocks, self.evaluator.local, strict=True):
-            j = np.asarray(jacobian)
-            np.add.at(product, own, j.T @ (j @ v[own]))
-            count += len(r)
-        return 2.0 * product / count
-
     @property
     def separable(self) -> tuple[np.ndarray, ...] | None:
         """Coordinates of every recording when no two share any, so that each is a problem of its own; else None."""
