@@ -22,7 +22,8 @@ from plantfit.control.tune.told import curves, table, verdict
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import ModelError, SimulationError, SpecError
 from plantfit.models.model import Model
-from plantfit.spec.tables import ControlTable, validated
+from plantfit.spec.tables import ControlTable
+from plantfit.spec.wished import table_in, wished
 from plantfit.trust.intervals.plausible import Plausible, plausible
 
 if TYPE_CHECKING:
@@ -201,18 +202,7 @@ def tune(
 
 
 def _table(answer: Answer, control: Mapping[str, Any] | None, wishes: Mapping[str, Any]) -> ControlTable:
-    if control is None:
-        table = validated(answer.spec, Path("study.toml")).control if answer.spec else ControlTable.model_validate({})
-        control = table.model_dump(exclude_unset=True)
-    given = {**control, **{k: v for k, v in wishes.items() if v is not None}}
-    unknown = [k for k in given if k not in ControlTable.model_fields]
-    if unknown:
-        raise SpecError(f"tune() does not know {unknown[0]!r}; it takes {', '.join(ControlTable.model_fields)}.")
-    try:
-        return ControlTable.model_validate(given)
-    except ValueError as error:
-        first = error.errors()[0]  # type: ignore[attr-defined]  (pydantic's)
-        raise SpecError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r} cannot be used: {first['msg'].lower()}.") from None
+    return wished(ControlTable, table_in(answer.spec, "control") if control is None else control, wishes, "tune")
 
 
 def _signal(what: str, chosen: str | None, names: tuple[str, ...]) -> str:

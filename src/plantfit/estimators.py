@@ -10,7 +10,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.errors import ModelError, SpecError
+from plantfit.errors import ModelError
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.filters.beliefs import FilterRun
 from plantfit.estimate.filters.kalman import kalman_filter
@@ -32,6 +32,7 @@ from plantfit.report.pages.estimators import estimators_page, estimators_rows, n
 from plantfit.report.text import columns
 from plantfit.spec.study import Study
 from plantfit.spec.tables import EstimateTable, validated
+from plantfit.spec.wished import table_in, wished
 
 if TYPE_CHECKING:
     import polars as pl
@@ -159,17 +160,8 @@ def estimate_table(problem: Problem, table: Mapping[str, Any] | None, wishes: Ma
     """The [estimate] table of a problem's study file with wishes that count before it. Raises SpecError."""
     file = problem.study_file
     if table is None:
-        own = validated(file.text, file.path).estimate if file is not None else EstimateTable.model_validate({})
-        table = own.model_dump(exclude_unset=True)
-    given = {**table, **{k: v for k, v in wishes.items() if v is not None}}
-    unknown = [k for k in given if k not in EstimateTable.model_fields]
-    if unknown:
-        raise SpecError(f"estimate_parameters() does not know {unknown[0]!r}; it takes {', '.join(EstimateTable.model_fields)}.")
-    try:
-        return EstimateTable.model_validate(given)
-    except ValueError as error:
-        first = error.errors()[0]  # type: ignore[attr-defined]  (pydantic's)
-        raise SpecError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r} cannot be used: {first['msg'].lower()}.") from None
+        table = {} if file is None else table_in(file.text, "estimate", file.path)
+    return wished(EstimateTable, table, wishes, "estimate_parameters")
 
 
 def known_truth(answer: Answer) -> dict[str, float]:

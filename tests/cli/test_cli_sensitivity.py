@@ -1,7 +1,5 @@
 """`plantfit sensitivity`: the same figures as in Python, and one sentence for what cannot be."""
 
-import json
-
 import numpy as np
 import pytest
 from cli_call import call, heater
@@ -26,7 +24,7 @@ def test_morris_around_a_point(folder, capsys, monkeypatch):
     problem = choose_substeps(load("heater.toml").problem)
     at = problem.space.cube(problem.space.vector({"K": 0.8, "T0": 21.0, "tau": 40.0, "L": 3.4}))
     own = morris(problem, at, seed=5)
-    rows = json.loads(said.out)["groups"]
+    rows = said.record("sensitivity")["groups"]
     assert [r["group"] for r in rows] == ["K", "T0", "tau", "L"]
     np.testing.assert_allclose([r["mu_star"] for r in rows], own.mu_star)
     assert "Elementary effects by group" in (folder / "page.html").read_text("utf-8")

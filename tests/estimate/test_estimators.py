@@ -107,17 +107,17 @@ def test_estimates_that_differ_are_told_and_those_that_do_not_are_not():
         return estimate, {"K": (k - 0.2, k + 0.2), "tau": (0.4, 0.6)}
 
     pairs = agreement({"least squares": known(2.0), "maximum likelihood": known(2.1), "EKF": known(3.0)})
-    assert {(p["second"], p["first"]): p["differs"] for p in pairs} == {
+    assert {(p.second, p.first): p.differs for p in pairs} == {
         ("least squares", "maximum likelihood"): False, ("least squares", "EKF"): True, ("maximum likelihood", "EKF"): True,
     }  # fmt: skip
     for p in pairs:  # two degrees of freedom: the tail is an exponential
-        k = 3.0 if p["first"] == "EKF" else 2.1
-        chi = (k - (2.1 if p["second"] == "maximum likelihood" else 2.0)) ** 2 / 0.02
-        assert p["p"] == pytest.approx(np.exp(-chi / 2), rel=1e-6)
-        assert p["p_adjusted"] >= p["p"]
-    assert "EKF differs from least squares by more than chance" in pairs[1]["sentence"]
+        k = 3.0 if p.first == "EKF" else 2.1
+        chi = (k - (2.1 if p.second == "maximum likelihood" else 2.0)) ** 2 / 0.02
+        assert p.p == pytest.approx(np.exp(-chi / 2), rel=1e-6)
+        assert p.p_adjusted >= p.p
+    assert "EKF differs from least squares by more than chance" in pairs[1].sentence
     held = known(9.0)[0], {"K": (None, None), "tau": (0.4, 0.6)}  # a value that the data leave open is not compared
-    assert [p["degrees"] for p in agreement({"least squares": known(2.0), "EKF": held})] == [1]
+    assert [p.degrees for p in agreement({"least squares": known(2.0), "EKF": held})] == [1]
 
 
 def test_recordings_are_filtered_in_turn_and_the_unseen_part_is_not():

@@ -11,7 +11,6 @@ from plantfit.study.comparing.profiles import (
     grid_of,
     hitting_times,
     leads,
-    performance_profile,
     quartiles,
 )
 from plantfit.study.comparing.statistics import evaluations_to_target
@@ -40,12 +39,6 @@ def test_ecdf_counts_hits_only():
 def test_data_profile_divides_by_the_dimension():
     small, large = np.array([[30.0]]), np.array([[30.0]])
     assert data_profile([(small, 2), (large, 5)], np.array([4.9, 5.0, 10.0])).tolist() == [0.0, 0.5, 1.0]
-
-
-def test_performance_profile_by_hand():
-    times = np.array([[10.0, 40.0, np.inf], [20.0, 20.0, np.inf]])
-    found = performance_profile(times, np.array([1.0, 2.0, 100.0]))
-    assert found.tolist() == [pytest.approx([1 / 3, 2 / 3, 2 / 3]), pytest.approx([1 / 3, 2 / 3, 2 / 3])]
 
 
 def test_best_costs_are_steps_on_a_common_grid():

@@ -15,9 +15,9 @@ from plantfit.fitting import fit
 from plantfit.spec import load
 from plantfit.trust.diagnosis import diagnose, diagnosis_record
 from plantfit.trust.diagnosis.carrier import Carrier
-from plantfit.trust.diagnosis.catalogue import catalogue
-from plantfit.trust.diagnosis.diagnose import SURE, inside_kinds
+from plantfit.trust.diagnosis.catalogue import catalogue, inside_kinds
 from plantfit.trust.diagnosis.hypothesis import fitted
+from plantfit.trust.diagnosis.rounds import SURE
 
 
 @pytest.mark.parametrize("fault", ["saturation", "offset"])

@@ -9,6 +9,7 @@ from scipy.stats import t as student
 
 import plantfit as pf
 from plantfit.errors import SpecError
+from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
 from plantfit.trust.intervals.kinds.bootstrap import bootstrap, percentiles
 from plantfit.trust.intervals.kinds.noise import log_likelihood, noise_of
 from plantfit.trust.intervals.kinds.posterior import posterior
@@ -247,10 +248,12 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
 
     def told(*parameters, block=1):
         rows = [
-            {"name": n, "unit": "1", "value": 1.0, "standard_error": 0.1, "status": "determined", "kinds": kinds} for n, kinds in parameters
+            {"name": n, "unit": "1", "value": 1.0, "standard_error": 0.1, "status": "determined", "scatters": False, "kinds": kinds}
+            for n, kinds in parameters
         ]
         bootstrap = {"block": {"y": block}, "blocks": {"y": 100}, "lost": 0, "replicates": 100}
-        return [v["sentence"] for v in interval_sentences({"parameters": rows, "bootstrap": bootstrap, "posterior": None, "refused": {}})]
+        whole = {"name": "x", "level": 0.95, "seed": 1, "parameters": rows, "bootstrap": bootstrap, "posterior": None, "refused": {}}
+        return [v["sentence"] for v in interval_sentences(ComparisonOfIntervals.model_validate(whole))]
 
     open_ = ("c", [kind("profile", 0.0, 9.0, open_=True), kind("bootstrap", 0.0, 9.0, open_=True)])
     narrow = ("k", [kind("profile", 0.0, 2.0), kind("bootstrap", 0.5, 1.5)])

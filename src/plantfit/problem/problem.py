@@ -14,15 +14,14 @@ from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
 from plantfit.problem.evaluate.batched import BatchedRecords
-from plantfit.problem.evaluate.compress import compress
 from plantfit.problem.evaluate.evaluator import Evaluator
 from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
 from plantfit.problem.evaluate.record_by_record import RecordByRecord
 from plantfit.problem.evaluate.smoothing import Smoothed, Smoothing
 from plantfit.problem.evaluate.triangle import compressed, triangle
-from plantfit.problem.measure.experiment import Experiment, before_in_units, in_units
-from plantfit.problem.measure.experiment import split as split_recording
-from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
+from plantfit.problem.measure.experiment import experiments_of, in_units
+from plantfit.problem.measure.fitted_parts import FittedParts
+from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import Predictor, predictor_of
 from plantfit.problem.told import problem_text
@@ -35,7 +34,7 @@ import jax
 import jax.numpy as jnp
 
 _OF_DATA = ("data", "arguments", "unsmoothed")  # made when first asked for
-_PREPARED = ("_full", "_index", "_measured", "_fit_drive")  # made by `_prepare`
+_PREPARED = ("parts",)  # made by `_prepare`
 
 
 class StudyFile(NamedTuple):
@@ -109,16 +108,16 @@ class Problem:
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.begins = dict(before or {}), initial_time  # of every recording that does not say its own
-        self.experiments = _experiments(recordings, split, skip, validate, *self.begins, self.predictor.needs)
+        self.experiments = experiments_of(recordings, split, skip, validate, *self.begins, self.predictor.needs)
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
         # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py
         self.mesh: Mapping[str, np.ndarray] = {}
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
         self._prepare()
-        self.scales, self.scale_sources = self._scales(scales)
-        self.weights = self._weights(balance)
-        self.smoothing = Smoothing.of(self.space, {t.name: t for t in getattr(model, "tables", ())}, self._spread())
+        self.scales, self.scale_sources = self.parts.scales(scales)
+        self.weights = self.parts.weights(balance)
+        self.smoothing = Smoothing.of(self.space, {t.name: t for t in getattr(model, "tables", ())}, self.parts.spread(self.scales))
 
     def _refuse_unfitted(self) -> None:
         """A recording that is only predicted cannot give values to parameters of its own."""
@@ -133,59 +132,12 @@ class Problem:
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)
-        longest = self.longest_delays()
-        self._full = {n: self.predictor.drive(e, longest=longest, mesh=self.mesh.get(n)) for n, e in self.experiments.items()}
-        self._index, self._measured, self._fit_drive = {}, {}, {}
-        for name, experiment in self.experiments.items():
-            mask = experiment.mask("fit")
-            if not np.any(mask):
-                continue
-            stop = int(np.flatnonzero(mask)[-1]) + 1
-            self._fit_drive[name] = self.predictor.drive(experiment, stop=stop, longest=longest, mesh=self.mesh.get(name))
-            for output in self.outputs:
-                y = experiment.recording[output]
-                index = np.flatnonzero(mask & np.isfinite(y))
-                self._index[name, output], self._measured[name, output] = index, y[index]
-        if sum(map(len, self._measured.values())) == 0:
-            raise RecordingError("No measured sample is left to fit; check the fit interval and the missing values of the outputs.")
-        for output in self.outputs:
-            if not any(len(y) for (_, o), y in self._measured.items() if o == output):
-                raise RecordingError(
-                    f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part."
-                )
+        self.parts = FittedParts.of(self.predictor, self.experiments, self.outputs, self.longest_delays(), self.mesh)
 
     def longest_delays(self) -> dict[str, float]:
         """The largest value of every parameter that delays a state."""
         late = getattr(self.model, "state_delays", ())
         return {d.parameter: self.space.range(d.parameter)[1] for d in late}
-
-    def _scales(self, given: Mapping[str, float] | None) -> tuple[dict[str, float], dict[str, ScaleSource]]:
-        result, sources = {}, dict.fromkeys(self.outputs, UNIT if len(self.outputs) == 1 else SPREAD)
-        for output in self.outputs:
-            y = np.concatenate([v for (_, o), v in self._measured.items() if o == output])
-            result[output] = 1.0 if len(self.outputs) == 1 else max(float(np.std(y)), 1e-12)
-        for output, scale in (given or {}).items():
-            if output not in result:
-                raise SpaceError(f"scales names {output!r}, which is not one of the outputs {list(self.outputs)}.")
-            if not (np.isfinite(scale) and scale > 0):
-                raise SpaceError(f"The scale of output {output!r} is {scale}; give a positive number in its unit.")
-            result[output], sources[output] = float(scale), GIVEN
-        return result, sources
-
-    def _weights(self, balance: str) -> dict[str, float] | None:
-        """How often the squares of each fitted recording count; None: once."""
-        if balance not in ("samples", "recordings"):
-            raise SpaceError(f"balance = {balance!r} is not known; use 'samples' or 'recordings'.")
-        if balance == "samples":
-            return None
-        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
-        share = sum(counts.values()) / sum(c > 0 for c in counts.values())
-        return {n: share / max(c, 1) for n, c in counts.items()}
-
-    def _spread(self) -> float:
-        """Of the scaled measured outputs about the mean of each (rms)."""
-        values = [np.concatenate([y for (_, o), y in self._measured.items() if o == out]) / self.scales[out] for out in self.outputs]
-        return float(np.sqrt(np.mean(np.concatenate([v - v.mean() for v in values]) ** 2)))
 
     # -- variants ---------------------------------------------------------------------------------
 
@@ -233,7 +185,7 @@ class Problem:
         other._prepare()
         if self.smoothing is not None:
             tables = {t.name: t for t in getattr(self.model, "tables", ())}
-            fresh = Smoothing.of(space, tables, self._spread())
+            fresh = Smoothing.of(space, tables, self.parts.spread(self.scales))
             other.smoothing = None if fresh is None else fresh.with_strengths(self.smoothing.strengths)
         return other
 
@@ -290,24 +242,17 @@ class Problem:
     @cached_property
     def data(self) -> dict[str, Any]:
         """What was recorded, of the fitted parts: drives, places and values of the scored samples, scales."""
-        keys = list(self._fit_drive)
+        parts = self.parts
         found = {
-            "drive": {n: self._fit_drive[n] for n in keys},
-            "index": {n: {o: self._index[n, o] for o in self.outputs} for n in keys},
-            "measured": {n: {o: self._measured[n, o] for o in self.outputs} for n in keys},
+            "drive": dict(parts.drives),
+            "index": {n: {o: parts.index[n, o] for o in self.outputs} for n in parts.drives},
+            "measured": {n: {o: parts.measured[n, o] for o in self.outputs} for n in parts.drives},
             "scale": {o: np.asarray(self.scales[o]) for o in self.outputs},
         }
         if self.weights is not None:
             found["weight"] = {n: np.asarray(w) for n, w in self.weights.items()}
         if isinstance(self.model, LinearModel):
-            found["triangles"] = {
-                n: {
-                    o: compress(np.asarray(self._fit_drive[n][o])[self._index[n, o]], self._measured[n, o])
-                    for o in self.outputs
-                    if len(self._index[n, o])
-                }
-                for n in keys
-            }
+            found["triangles"] = parts.triangles()
         return found
 
     @cached_property
@@ -319,7 +264,7 @@ class Problem:
     def steps_a_sample(self) -> int | float:
         """Steps between two samples; with a mesh their mean over the fitted parts."""
         substeps = 0 if self.predictor.simulator is None else self.predictor.simulator.substeps
-        moving = [d for d in self._fit_drive.values() if isinstance(d, Drive)]
+        moving = [d for d in self.parts.drives.values() if isinstance(d, Drive)]
         if not self.mesh or not moving:
             return substeps
         samples = sum(len(d.t) if d.samples is None else len(d.samples) for d in moving)
@@ -328,29 +273,28 @@ class Problem:
     @property
     def whole_drives(self) -> dict[str, Drive]:
         """The numbers of whole recordings that move, fitted or not."""
-        return {n: d for n, d in self._full.items() if isinstance(d, Drive)}
+        return {n: d for n, d in self.parts.whole.items() if isinstance(d, Drive)}
 
     @property
     def evaluator(self) -> Evaluator:
         """The pure functions that a search sees."""
         of_data = self.evaluator_of_data
-        return of_data if self.smoothing is None else Smoothed(of_data, self.smoothing, sum(map(len, self._measured.values())))
+        return of_data if self.smoothing is None else Smoothed(of_data, self.smoothing, sum(self.parts.counts.values()))
 
     @property
     def evaluator_of_data(self) -> Evaluator:
         """The pure functions without smoothing; records are cut into chunks only once."""
-        one_by_one = RecordByRecord(self.predictor, self.space, self.outputs, tuple(self._fit_drive))
-        moving = {n: d for n, d in self._fit_drive.items() if isinstance(d, Drive)}
+        one_by_one = RecordByRecord(self.predictor, self.space, self.outputs, tuple(self.parts.drives))
+        moving = {n: d for n, d in self.parts.drives.items() if isinstance(d, Drive)}
         if not self.predictor.has_steps or not moving or getattr(self.model, "state_delays", ()):
             return one_by_one
         simulator = self.predictor.stepping()
         if "batched" not in self._compiled:
-            self._compiled["batched"] = BatchedRecords.of(simulator, self.space, moving, self._index, self._measured)
+            self._compiled["batched"] = BatchedRecords.of(simulator, self.space, moving, self.parts.index, self.parts.measured)
         batched = self._compiled["batched"].with_simulator(simulator)
-        if len(moving) == len(self._fit_drive):
+        if len(moving) == len(self.parts.drives):
             return batched
-        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
-        return MovingAndSteady(batched, one_by_one, counts)
+        return MovingAndSteady(batched, one_by_one, self.parts.counts)
 
     def residuals(self, z: Any) -> jax.Array:
         """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by output."""
@@ -413,16 +357,6 @@ class Problem:
             self._compiled[key] = make()
         return self._compiled[key]
 
-    def gauss_newton_product(self, z: Any, v: Any) -> np.ndarray:
-        """(2/m) J'J v (d,): the Gauss-Newton approximation of the cost's Hessian at a cube point, times a vector (d,)."""
-        v, product, count = np.asarray(v, dtype=float), np.zeros(self.space.dimension), 0
-        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        for (r, jacobian), own in zip(blocks, self.evaluator.local, strict=True):
-            j = np.asarray(jacobian)
-            np.add.at(product, own, j.T @ (j @ v[own]))
-            count += len(r)
-        return 2.0 * product / count
-
     @property
     def separable(self) -> tuple[np.ndarray, ...] | None:
         """Coordinates of every recording when no two share any, so that each is a problem of its own; else None."""
@@ -433,7 +367,7 @@ class Problem:
     @property
     def block_places(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """For every block of compiled["blocks"] without smoothing its coordinates (q,), and its rows' places (k,) among `residuals`."""
-        counts = {n: sum(len(self._measured[n, o]) for o in self.outputs) for n in self._fit_drive}
+        counts = self.parts.counts
         begin = dict(zip(counts, np.cumsum([0, *counts.values()])[:-1], strict=True))
         evaluator = self.evaluator_of_data
         places = [np.concatenate([begin[n] + np.arange(counts[n]) for n in names]) for names in evaluator.recordings]
@@ -474,30 +408,4 @@ class Problem:
 
     def outputs_over(self, name: str, p: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Every output (n,) over the whole recording `name` at named parameter values, as `Space.tree` gives them."""
-        return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self._full[name]).items()}
-
-
-def _experiments(recordings, split, skip, validate, before, initial_time, needs) -> dict[str, Experiment]:
-    if isinstance(recordings, Recording | Experiment):
-        inner = recordings.recording if isinstance(recordings, Experiment) else recordings
-        recordings = {inner.name: recordings}
-    if not recordings:
-        raise RecordingError("A problem needs at least one recording.")
-    if split is not None and len(recordings) > 1:
-        raise RecordingError("split works on one recording; with several, name the unseen ones under validate.")
-    unknown = [v for v in validate if v not in recordings]
-    if unknown:
-        raise RecordingError(f"validate names {unknown[0]!r}, which is not one of the recordings {list(recordings)}.")
-    result = {}
-    for name, given in recordings.items():
-        if isinstance(given, Recording):
-            every = (-np.inf, np.inf)
-            given = (
-                split_recording(given, split, skip)
-                if split is not None
-                else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
-            )
-        history = before_in_units(given.recording, {**before, **given.before}, needs)
-        begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
-        result[name] = replace(given, recording=in_units(given.recording, needs), before=history, initial_time=begin)
-    return result
+        return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self.parts.whole[name]).items()}

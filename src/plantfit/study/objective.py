@@ -33,7 +33,7 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
         return _in_few_rows(*map(np.asarray, several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)))
 
     regression = "triangles" in problem.data
-    samples = 0 if regression else sum(len(places) for outputs in problem.data["index"].values() for places in outputs.values())
+    samples = 0 if regression else sum(problem.parts.counts.values())
     small = samples * problem.space.dimension <= SIDE_BY_SIDE
     return Objective(
         dimension=problem.space.dimension,

@@ -97,11 +97,6 @@ class FilterRun(Beliefs):
         """Measured minus predicted outputs (N, m), NaN where nothing was measured."""
         return np.where(np.isfinite(self.y), self.told["error"][self.rank], np.nan)
 
-    @property
-    def innovation_sd(self) -> np.ndarray:
-        """Their standard deviations (N, m) as the filter expects them."""
-        return self.told["spread"][self.rank]
-
     @cached_property
     def nis(self) -> np.ndarray:
         """Normalised innovation squared (N,): chi-squared with as many degrees as outputs were measured, if all is well."""

@@ -10,6 +10,7 @@ from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
 from plantfit.findings.results.models_compared import ComparisonOfModels
 from plantfit.findings.results.next_experiment import NextExperiment
 from plantfit.findings.results.records_compared import ComparisonOfRecords
+from plantfit.findings.results.sensitivity import Sensitivities
 from plantfit.findings.results.tracked import Tracked
 
 RESULTS: dict[str, type[Printed]] = {
@@ -19,6 +20,7 @@ RESULTS: dict[str, type[Printed]] = {
     "design": NextExperiment,
     "estimate": EstimatesByMethod,
     "track": Tracked,
+    "sensitivity": Sensitivities,
     "look": FirstLook,
 }
 """What `plantfit NAME --json` prints; `compare` of models."""

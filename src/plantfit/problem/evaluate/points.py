@@ -30,7 +30,7 @@ def shared(problem: Problem) -> bool:
     """Whether single points are evaluated `WIDTH` at once: small problems that are no regression and do not fall apart."""
     if problem.predictor.simulator is None or problem.separable is not None:
         return False
-    samples = sum(len(places) for outputs in problem.data["index"].values() for places in outputs.values())
+    samples = sum(problem.parts.counts.values())
     # a mesh may have thousands of steps for a handful of samples
     steps = sum(len(d.t) for d in problem.data["drive"].values() if isinstance(d, Drive)) if problem.mesh else 0
     return max(samples, steps) * problem.space.dimension <= SMALL

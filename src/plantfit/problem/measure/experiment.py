@@ -1,8 +1,9 @@
 """One recording as a problem sees it: which samples are fitted, which are kept unseen, in the model's units."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -173,3 +174,36 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             signals[name] = Signal(signals[name].values * factor + offset, unit)
             log.append(f"{name}: converted from {have} to {unit}.")
     return Recording(recording.t, signals, recording.name, tuple(log), recording.clocked)
+
+
+def experiments_of(
+    recordings: Any, fitted: float | None, skip: float, validate: Sequence[str], before: Mapping[str, float | str],
+    initial_time: float | None, needs: Mapping[str, str | None],
+) -> dict[str, Experiment]:  # fmt: skip
+    """The recordings of a problem by name, in the units that its model `needs`; `fitted` is the first share of a single one.
+
+    Raises RecordingError for names and shares that contradict each other.
+    """
+    if isinstance(recordings, Recording | Experiment):
+        inner = recordings.recording if isinstance(recordings, Experiment) else recordings
+        recordings = {inner.name: recordings}
+    if not recordings:
+        raise RecordingError("A problem needs at least one recording.")
+    if fitted is not None and len(recordings) > 1:
+        raise RecordingError("split works on one recording; with several, name the unseen ones under validate.")
+    unknown = [v for v in validate if v not in recordings]
+    if unknown:
+        raise RecordingError(f"validate names {unknown[0]!r}, which is not one of the recordings {list(recordings)}.")
+    result = {}
+    for name, given in recordings.items():
+        if isinstance(given, Recording):
+            every = (-np.inf, np.inf)
+            given = (
+                split(given, fitted, skip)
+                if fitted is not None
+                else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
+            )
+        history = before_in_units(given.recording, {**before, **given.before}, needs)
+        begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
+        result[name] = dataclasses.replace(given, recording=in_units(given.recording, needs), before=history, initial_time=begin)
+    return result

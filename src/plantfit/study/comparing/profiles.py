@@ -55,17 +55,6 @@ def data_profile(problems: Iterable[tuple[np.ndarray, int]], at: np.ndarray) -> 
     return ecdf(np.concatenate(scaled or [np.empty(0)]), at)
 
 
-def performance_profile(times: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Share (s, g) of problems that each of s solvers needs at most `at` (g,) times the least time for.
-
-    `times` (s, p) are inf where not solved (Dolan and More 2002, Math. Program. 91:201). Read it for two solvers at a
-    time: leaving one out can change the order of the others.
-    """
-    with np.errstate(invalid="ignore"):
-        ratio = times / times.min(axis=0)
-    return np.stack([ecdf(np.where(np.isnan(row), np.inf, row), at) for row in ratio])
-
-
 def grid_of(runs: Sequence[RunRecord], clock: Clock = by_evaluations, points: int = GRID) -> np.ndarray:
     """Common logarithmic times (<= points,), from the first record of any run to the last of any."""
     clocks = [c for r in runs if len(c := clock(r))]

@@ -1,10 +1,11 @@
 """What is missing in a model: additions tried on the fitted problem, judged by unseen data."""
 
 from plantfit.trust.diagnosis.candidates import Before, Behind, Inside
-from plantfit.trust.diagnosis.diagnose import Diagnosis, Trial, diagnose
+from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.phase import asked_for, with_diagnosis
 from plantfit.trust.diagnosis.ranges import Seen, Tried
+from plantfit.trust.diagnosis.rounds import Trial
 from plantfit.trust.diagnosis.sentences import diagnosis_record
 from plantfit.trust.diagnosis.treatment import Change, change_of, changed
 

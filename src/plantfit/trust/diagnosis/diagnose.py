@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -11,75 +10,19 @@ from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.models.text.suggest import suggest
 from plantfit.problem.problem import Problem
-from plantfit.sobol import Sobol
 from plantfit.trust.diagnosis.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.catalogue import Extension, catalogue, inside_kinds
 from plantfit.trust.diagnosis.hypothesis import Fitted, carrier_places, fitted, without
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen, validated
 from plantfit.trust.diagnosis.meter import Meter
-from plantfit.trust.diagnosis.outliers import outlying
+from plantfit.trust.diagnosis.outliers import Outliers, outliers_of, outlying
+from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, refitted
 
-QUICK, FINALISTS, ROUNDS = 3, 6, 3  # steps of a first try, additions fitted in full, additions that may be named one after the other
+ROUNDS = 3  # additions that may be named one after the other
 RIVALS = 3  # of an earlier finding that are tried in its place
-ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
-PART = 0.02  # of what the better one explains: the same
 WORTH = 0.1  # of the mean square that one addition must explain to be tried together with a second
-NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 SHARP = 16  # times less is the speed from which on dry friction is whole, where it is found and that fits better
-SURE = 2.0  # standard errors that a value is off zero
 STRONG = 3.0  # times the evidence that is needed: "very likely"
-TRYING, FITTING = (
-    0.65,
-    0.85,
-)  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One addition tried: `explained` and `unseen` are shares of the mean square that is left without it (of `unseen` None where it was
-    not fitted in full), `rmse` and `unseen_rmse` pairs (without, with), `value` its parameter with a standard error."""
-
-    extension: Extension
-    explained: float
-    evidence: float
-    rmse: tuple[float, float]
-    unseen: float | None = None
-    unseen_rmse: tuple[float, float] | None = None
-    value: float | None = None
-    standard_error: float | None = None
-    at: Fitted | None = None
-
-
-@dataclass(frozen=True)
-class Round:
-    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
-
-    `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
-    `base` is the fit with what was given that all are held against.
-    """
-
-    given: tuple[Extension, ...]
-    trials: tuple[Trial, ...]
-    found: tuple[Trial, ...]
-    needed: float
-    untried: tuple[Extension, ...] = ()
-    whole: bool = True
-    base: Fitted | None = None
-
-
-@dataclass(frozen=True)
-class Outliers:
-    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual, that
-    of the model with the additions `beside`."""
-
-    counts: dict[str, tuple[int, int]]
-    share: float
-    beside: tuple[Extension, ...] = ()
-
-    @property
-    def named(self) -> bool:
-        """Whether they are worth a sentence: one sample in a million normal ones lies as far, some more where the noise has tails."""
-        return self.share >= 0.05 and any(n >= max(2, 0.002 * m) for n, m in self.counts.values())
 
 
 @dataclass(frozen=True)
@@ -142,7 +85,7 @@ def diagnose(
     apart = outlying(base.residuals, rows)
     kept = ~apart
     use = rows.fit & kept
-    outliers = _outliers(base, apart, carrier)
+    outliers = outliers_of(base, apart, carrier)
     if apart.any():
         base = fitted(carrier, (), base.x, np.zeros(0), use)
     made: list[Round] = []
@@ -151,7 +94,7 @@ def diagnose(
     exchanged: list[tuple[Extension, Extension]] = []
     if wanted is not None:
         for e in wanted:
-            made.append(_round(carrier, base, [e], use, kept, say))
+            made.append(one_round(carrier, base, [e], use, kept, say))
             base = (made[-1].trials[0].at if made[-1].trials else None) or base
         return Diagnosis(carrier, bare, apart, tuple(made), outliers, meter.spent, not validated(rows, kept))
     for _ in range(rounds):
@@ -159,7 +102,7 @@ def diagnose(
         if made and not meter.holds(taken):
             whole = False
             break
-        one = _round(carrier, base, extensions, use, kept, say)
+        one = one_round(carrier, base, extensions, use, kept, say)
         taken = meter.spent - before
         if waiting:  # neither of two was enough alone; both are named where they are enough together
             both = _together(carrier, bare, made[-1], one, use, kept)
@@ -179,16 +122,16 @@ def diagnose(
         if np.any(anew != apart):  # what a wrong model hid, or took for outliers
             apart, kept, use = anew, ~anew, rows.fit & ~anew
             base = fitted(carrier, base.additions, base.x, base.theta, use)
-            outliers = _outliers(base, apart, carrier)
+            outliers = outliers_of(base, apart, carrier)
             if one.found:
-                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, one.found[0], base, use, kept), *one.found[1:]))
+                made[-1] = replace(one, found=(refitted(carrier, one.base or bare, one.found[0], base, use, kept), *one.found[1:]))
         if one.found and one.found[0].extension.kind == "coulomb" and carrier.sharp == 1 and meter.holds(SHARP * carrier.charge * QUICK):
             say("fitting with sharper friction")
             sharp = Carrier.of(problem, z, inside_kinds(problem), meter, SHARP)
             at = fitted(sharp, base.additions, base.x, base.theta, use)
             if at.cost(use) <= (1.0 - LEAST) * base.cost(use):
                 carrier, base = sharp, at
-                made[-1] = replace(one, found=(_refitted(carrier, one.base or bare, made[-1].found[0], at, use, kept), *one.found[1:]))
+                made[-1] = replace(one, found=(refitted(carrier, one.base or bare, made[-1].found[0], at, use, kept), *one.found[1:]))
         if one.found and len(base.additions) > 1:
             say("fitting without what was found before, and with what had helped in its place")
             base, made, better = _exchanged(carrier, bare, base, made, use, kept)
@@ -279,7 +222,7 @@ def _told_anew(carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Roun
         at = base
         for a in base.additions[len(upto) :]:
             at = without(carrier, at, a, use)
-        rounds[k] = replace(one, found=(_refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
+        rounds[k] = replace(one, found=(refitted(carrier, before, one.found[0], at, use, kept), *one.found[1:]))
         before = at
     return rounds
 
@@ -295,17 +238,8 @@ def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], las
         return list(made)
     return [
         *made[:-1],
-        replace(first, found=(_refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])),
+        replace(first, found=(refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])),
     ]
-
-
-def _refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarray, kept: np.ndarray) -> Trial:
-    """A trial with the figures of another fit of the same additions."""
-    before, after, unit = base.cost(use), at.cost(use), _scale(carrier)
-    rmse = float(np.sqrt(before / use.sum())) * unit, float(np.sqrt(after / use.sum())) * unit
-    told, explained = evidence(base, at, carrier.rows, use), max(0.0, 1.0 - after / before)
-    made = replace(t, at=at, explained=explained, evidence=told, rmse=rmse, value=at.value(t.extension, carrier))
-    return _judged(carrier, base, made, use, kept)
 
 
 def treatable(problem: Problem) -> bool:
@@ -329,20 +263,11 @@ def _together(carrier: Carrier, bare: Fitted, first: Round, second: Round, use: 
     pairs = len(first.trials) * len(second.trials)
     if evidence(bare, b.at, carrier.rows, use) < needed(pairs, 2):
         return None
-    own = [_judged(carrier, base, t, use, kept) for base, t in ((bare, a), (a.at, b))]
+    own = [judged(carrier, base, t, use, kept) for base, t in ((bare, a), (a.at, b))]
     later = unseen(carrier, bare, b.at, use, kept)
     if later.extended >= later.base or any(t.evidence < second.needed for t in own[1:]):
         return None
     return replace(first, found=(own[0],)), second if second.found else replace(second, found=(own[1],))
-
-
-def _judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.ndarray) -> Trial:
-    """A trial with its figures on unseen data."""
-    assert t.at is not None
-    unit, later = _scale(carrier), unseen(carrier, base, t.at, use, kept)
-    roots = float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit
-    error = standard_error(carrier, t.at, t.extension, use)
-    return replace(t, unseen=1.0 - later.extended / later.base, unseen_rmse=roots, standard_error=error)
 
 
 def chosen(extensions: Sequence[Extension], names: Sequence[str]) -> list[Extension]:
@@ -352,140 +277,3 @@ def chosen(extensions: Sequence[Extension], names: Sequence[str]) -> list[Extens
         if name.strip() not in by_name:
             raise ModelError(f"There is no {name!r} to try.{suggest(name, list(by_name))} There are: {', '.join(by_name)}.")
     return [by_name[n] for n in dict.fromkeys(name.strip() for name in names)]
-
-
-def _outliers(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
-    rows = carrier.rows
-    scored = rows.fit | rows.unseen
-    total = float(np.sum(base.residuals[scored] ** 2))
-    share = float(np.sum(base.residuals[scored & apart] ** 2)) / total if total > 0 else 0.0
-    counts = {o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o)))) for o in dict.fromkeys(rows.output)}
-    return Outliers(counts, share, base.additions)
-
-
-def _round(carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Any) -> Round:
-    left, meter = [e for e in extensions if e not in base.additions], carrier.meter
-    tried, untried, begun, whole = [], [], meter.spent, True
-    for e in sorted(left, key=_price):
-        if not meter.holds(_price(e) * carrier.charge, TRYING, begun):
-            untried.append(e)
-            continue
-        say(f"trying {e.name}")
-        one = _tried(carrier, base, e, use)
-        if one is not None:
-            tried.append((e, one))
-    tried.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
-    tried.sort(key=lambda pair: pair[1].cost(use))
-    before, n = base.cost(use), int(use.sum())
-    unit = _scale(carrier)
-    root = lambda square: float(np.sqrt(square)) * unit  # noqa: E731
-    limit, trials = needed(len(left)), []
-    for k, (e, one) in enumerate(tried):
-        if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
-            if k == 0 or meter.holds(0.0, FITTING, begun):
-                say(f"fitting with {e.name}")
-                full = fitted(carrier, one.additions, one.x, one.theta, use)
-                one = full if full.cost(use) < one.cost(use) else one
-            else:
-                whole = False
-        trials.append((e, one))
-    trials.sort(key=lambda pair: pair[1].cost(use))
-    if trials and evidence(base, trials[0][1], carrier.rows, use) >= limit and meter.holds(0.0):
-        # a wrong model may press its parameters far into a valley; what brings them back is not the addition then
-        if not trials[0][1].settled or _pressed(carrier, base) or _pressed(carrier, trials[0][1]):
-            if meter.holds(0.0, FITTING, begun):
-                say(f"fitting with {trials[0][0].name} from other values")
-                trials = _from_elsewhere(carrier, trials, use)
-            else:
-                whole = False
-        say(f"fitting without {trials[0][0].name}")
-        again = without(carrier, trials[0][1], trials[0][0], use)
-        if again.cost(use) < before:
-            base, before = again, again.cost(use)
-    judged = []
-    for k, (e, one) in enumerate(trials):
-        explained = max(0.0, 1.0 - one.cost(use) / before)
-        rmse = root(before / n), root(one.cost(use) / n)
-        told = evidence(base, one, carrier.rows, use)
-        trial = Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one)
-        if k < FINALISTS and explained >= LEAST and told >= limit:
-            if k == 0 or meter.holds(0.0):
-                say(f"judging {e.name}")
-                trial = _judged(carrier, base, trial, use, kept)
-            else:
-                whole = False
-        judged.append(trial)
-    found = _found(carrier, judged, extensions, use)
-    return Round(base.additions, tuple(judged), found, limit, tuple(untried), whole and not untried, base)
-
-
-def _price(e: Extension) -> int:
-    """Simulations with derivatives that a first try of an addition takes at most."""
-    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
-
-
-def _found(carrier: Carrier, judged: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
-    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
-    good = [t for t in judged if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
-    if not good:
-        return ()
-    best = max(good, key=lambda t: t.explained)
-    assert best.at is not None
-    alike = []
-    for t in good:
-        assert t.at is not None
-        apart = evidence(t.at, best.at, carrier.rows, use)
-        if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
-            alike.append(t)
-    return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
-
-
-def _pressed(carrier: Carrier, one: Fitted) -> bool:
-    """Whether a parameter of the problem stands at a bound."""
-    own = one.x[: carrier.own]
-    return bool(np.any((own < NEAR_BOUND) | (own > 1.0 - NEAR_BOUND)))
-
-
-def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray) -> list[tuple[Extension, Fitted]]:
-    """The trials, the best one fitted from some points of the box as well, and the others of the best from where that ended."""
-    best, made = trials[0][1], list(trials)
-    for z in Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own]:
-        x = best.x.copy()
-        x[: carrier.own] = z
-        one = fitted(carrier, best.additions, x, best.theta, use)
-        best = one if one.cost(use) < best.cost(use) else best
-    if best is trials[0][1]:
-        return made
-    made[0] = (trials[0][0], best)
-    for k, (e, one) in enumerate(trials[1:FINALISTS], 1):
-        x = one.x.copy()
-        x[: carrier.own] = best.x[: carrier.own]
-        again = fitted(carrier, one.additions, x, one.theta, use)
-        made[k] = (e, again if again.cost(use) < one.cost(use) else one)
-    made.sort(key=lambda pair: pair[1].cost(use))
-    return made
-
-
-def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
-    """Whether the value of an addition that is nothing at zero is known to be something."""
-    if t.extension.candidate.level or t.value is None or t.standard_error is None:
-        return True
-    if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
-        return True  # a value for each recording
-    return abs(t.value) >= SURE * t.standard_error
-
-
-def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
-    """The best short fit with an addition from its starts."""
-    additions, best = (*base.additions, e), None
-    for start in (0.0,) if e.linear else e.starts:
-        one = fitted(carrier, additions, base.x, np.r_[base.theta, start], use, QUICK)
-        if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
-            best = one
-    return best
-
-
-def _scale(carrier: Carrier) -> float:
-    """The unit of the RMSE: that of the output where there is one."""
-    scales = carrier.given.scales
-    return next(iter(scales.values())) if len(scales) == 1 else 1.0

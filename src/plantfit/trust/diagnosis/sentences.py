@@ -8,7 +8,8 @@ import numpy as np
 from plantfit.findings import diagnosis as records
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis, Round, Trial
+from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
+from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
 from plantfit.trust.validate.residual_tests import white_part
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit

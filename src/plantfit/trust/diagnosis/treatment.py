@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plantfit.trust.diagnosis.candidates import Inside
-from plantfit.trust.diagnosis.diagnose import Diagnosis, Trial
+from plantfit.trust.diagnosis.diagnose import Diagnosis
 from plantfit.trust.diagnosis.ranges import rounded
+from plantfit.trust.diagnosis.rounds import Trial
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ def refit(problem: Problem, start: np.ndarray, free: np.ndarray, tolerance: floa
     Damped Gauss-Newton steps inside the box; one local search, nothing global.
     """
     places, point = np.flatnonzero(free), np.array(start, dtype=float)
-    count = sum(len(i) for record in problem.data["index"].values() for i in record.values())
+    count = sum(problem.parts.counts.values())
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         point[places] = x

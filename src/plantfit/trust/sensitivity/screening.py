@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import SearchError
+from plantfit.findings.results.sensitivity import ElementaryEffect, Sensitivities
 from plantfit.trust.sensitivity.salib_extra import need_salib
 from plantfit.trust.sensitivity.sampled_costs import Costed, Groups, box_around, check_confidence, costs_at, whole_number
 
@@ -32,13 +33,17 @@ class Screening:
     confidence: float
 
     @property
-    def record(self) -> dict[str, Any]:
-        """As JSON types."""
+    def typed(self) -> Sensitivities:
+        """The same as a record."""
         rows = zip(self.groups, self.sizes, self.mu_star, self.half_width, self.mu, self.sigma, strict=True)
-        names = ("group", "coordinates", "mu_star", "half_width", "mu", "sigma")
-        same = {"method": "morris", "radius": self.radius, "confidence": self.confidence, "evaluations": self.evaluations}
-        counts = {"trajectories": self.trajectories, "dropped": self.dropped}
-        return same | counts | {"groups": [dict(zip(names, (g, n, *map(float, v)), strict=True)) for g, n, *v in rows]}
+        return Sensitivities(
+            method="morris", radius=self.radius, confidence=self.confidence, evaluations=self.evaluations,
+            trajectories=self.trajectories, dropped=self.dropped,
+            groups=[
+                ElementaryEffect(group=g, coordinates=n, mu_star=float(star), half_width=float(half), mu=float(mu), sigma=float(sigma))
+                for g, n, star, half, mu, sigma in rows
+            ],
+        )  # fmt: skip
 
 
 def morris(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import SearchError
+from plantfit.findings.results.sensitivity import Sensitivities, VarianceShare
 from plantfit.trust.sensitivity.salib_extra import need_salib
 from plantfit.trust.sensitivity.sampled_costs import Costed, Groups, box_around, check_confidence, costs_at, whole_number
 
@@ -32,13 +33,20 @@ class SobolIndices:
     confidence: float
 
     @property
-    def record(self) -> dict[str, Any]:
-        """As JSON types."""
+    def typed(self) -> Sensitivities:
+        """The same as a record."""
         rows = zip(self.groups, self.sizes, self.first, self.first_half_width, self.total, self.total_half_width, strict=True)
-        names = ("group", "coordinates", "first", "first_half_width", "total", "total_half_width")
-        same = {"method": "sobol", "radius": self.radius, "confidence": self.confidence, "evaluations": self.evaluations}
-        counts = {"samples": self.samples, "dropped": self.dropped}
-        return same | counts | {"groups": [dict(zip(names, (g, n, *map(float, v)), strict=True)) for g, n, *v in rows]}
+        return Sensitivities(
+            method="sobol", radius=self.radius, confidence=self.confidence, evaluations=self.evaluations, samples=self.samples,
+            dropped=self.dropped,
+            groups=[
+                VarianceShare(
+                    group=g, coordinates=n, first=float(own), first_half_width=float(half), total=float(whole),
+                    total_half_width=float(wide),
+                )
+                for g, n, own, half, whole, wide in rows
+            ],
+        )  # fmt: skip
 
 
 def sobol_indices(

@@ -66,7 +66,7 @@ def sensitivity(
             found = sobol_indices(problem, point, samples=samples, **same)
     written = str(_page(found, read.name, page)) if page is not None else None
     if json:
-        return print_json({"name": read.name, **found.record, "page": written})
+        return print_json(found.typed.printed(name=read.name, page=written))
     _say(found)
     if written:
         out.print(f"\nPage: {written}", markup=False)
@@ -102,17 +102,18 @@ def _page(found: Any, name: str, place: str) -> Path:
 def _say(found: Any) -> None:
     from rich.table import Table
 
-    record = found.record
-    half = f"± {100 * record['confidence']:g} %"
+    made = found.typed
+    half = f"± {100 * made.confidence:g} %"
+    rows = [row.plain() for row in made.groups]
     named = {"mu_star": "mu*", "half_width": half, "first_half_width": half, "total_half_width": half}
-    keys: list[str] = list(record["groups"][0])
+    keys: list[str] = list(rows[0])
     table = Table(*[named.get(key, key) for key in keys], box=None, pad_edge=False)
-    for row in record["groups"]:
-        table.add_row(*(f"{row[k]:.4g}" if isinstance(row[k], float) else str(row[k]) for k in keys))
+    for row in rows:
+        table.add_row(*(f"{row[k]:.4g}" if isinstance(row[k], float) else "nan" if row[k] is None else str(row[k]) for k in keys))
     out.print(table)
-    where = "over the whole box" if record["radius"] is None else f"within {100 * record['radius']:g} % of the bounds around the point"
+    where = "over the whole box" if made.radius is None else f"within {100 * made.radius:g} % of the bounds around the point"
     what = {"morris": "Change of the cost when a group moves through the width", "sobol": "Shares of the variance of the cost"}
-    out.print(f"\n{what[record['method']]}, {where}; {record['evaluations']} evaluations.", markup=False)
-    if record["dropped"]:
-        counted = f"{record['dropped']} of {record.get('trajectories') or record.get('samples')}"
+    out.print(f"\n{what[made.method]}, {where}; {made.evaluations} evaluations.", markup=False)
+    if made.dropped:
+        counted = f"{made.dropped} of {made.trajectories or made.samples}"
         out.print(f"{counted} held a run that failed and are left out whole.", markup=False)

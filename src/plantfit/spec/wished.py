@@ -1,0 +1,30 @@
+"""A table of the study file with wishes of a call that count before it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
+
+from plantfit.errors import SpecError
+from plantfit.spec.tables import validated
+
+Table = TypeVar("Table", bound=BaseModel)
+
+
+def table_in(text: str | None, name: str, path: Path = Path("study.toml")) -> dict[str, Any]:
+    """What the table `name` of a study file says; nothing without a file."""
+    return getattr(validated(text, path), name).model_dump(exclude_unset=True) if text else {}
+
+
+def wished(kind: type[Table], table: Mapping[str, Any], wishes: Mapping[str, Any], function: str) -> Table:
+    """The table with those wishes that are not None. Raises SpecError for a key that there is not, and for a value that cannot be."""
+    given = {**table, **{k: v for k, v in wishes.items() if v is not None}}
+    unknown = [k for k in given if k not in kind.model_fields]
+    if unknown:
+        raise SpecError(f"{function}() does not know {unknown[0]!r}; it takes {', '.join(kind.model_fields)}.")
+    try:
+        return kind.model_validate(given)
+    except ValueError as error:
+        first = error.errors()[0]  # type: ignore[attr-defined]  (pydantic's)
+        raise SpecError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r} cannot be used: {first['msg'].lower()}.") from None

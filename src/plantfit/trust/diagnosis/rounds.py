@@ -1,0 +1,202 @@
+"""One round of a diagnosis: every addition tried beside what is there, the best fitted in full, and judged."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.sobol import Sobol
+from plantfit.trust.diagnosis.carrier import Carrier
+from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
+from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen
+
+QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
+ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
+PART = 0.02  # of what the better one explains: the same
+NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
+SURE = 2.0  # standard errors that a value is off zero
+TRYING, FITTING = 0.65, 0.85  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One addition tried: `explained` and `unseen` are shares of the mean square that is left without it (of `unseen` None where it was
+    not fitted in full), `rmse` and `unseen_rmse` pairs (without, with), `value` its parameter with a standard error."""
+
+    extension: Extension
+    explained: float
+    evidence: float
+    rmse: tuple[float, float]
+    unseen: float | None = None
+    unseen_rmse: tuple[float, float] | None = None
+    value: float | None = None
+    standard_error: float | None = None
+    at: Fitted | None = None
+
+
+@dataclass(frozen=True)
+class Round:
+    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
+
+    `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
+    `base` is the fit with what was given that all are held against.
+    """
+
+    given: tuple[Extension, ...]
+    trials: tuple[Trial, ...]
+    found: tuple[Trial, ...]
+    needed: float
+    untried: tuple[Extension, ...] = ()
+    whole: bool = True
+    base: Fitted | None = None
+
+
+def one_round(
+    carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Callable[[str], None]
+) -> Round:
+    """Additions tried beside those of `base`: the best are fitted in full, and judged on unseen data."""
+    left, meter = [e for e in extensions if e not in base.additions], carrier.meter
+    tried, untried, begun, whole = [], [], meter.spent, True
+    for e in sorted(left, key=_price):
+        if not meter.holds(_price(e) * carrier.charge, TRYING, begun):
+            untried.append(e)
+            continue
+        say(f"trying {e.name}")
+        one = _tried(carrier, base, e, use)
+        if one is not None:
+            tried.append((e, one))
+    tried.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
+    tried.sort(key=lambda pair: pair[1].cost(use))
+    before, n = base.cost(use), int(use.sum())
+    unit = _scale(carrier)
+    root = lambda square: float(np.sqrt(square)) * unit  # noqa: E731
+    limit, trials = needed(len(left)), []
+    for k, (e, one) in enumerate(tried):
+        if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
+            if k == 0 or meter.holds(0.0, FITTING, begun):
+                say(f"fitting with {e.name}")
+                full = fitted(carrier, one.additions, one.x, one.theta, use)
+                one = full if full.cost(use) < one.cost(use) else one
+            else:
+                whole = False
+        trials.append((e, one))
+    trials.sort(key=lambda pair: pair[1].cost(use))
+    if trials and evidence(base, trials[0][1], carrier.rows, use) >= limit and meter.holds(0.0):
+        # a wrong model may press its parameters far into a valley; what brings them back is not the addition then
+        if not trials[0][1].settled or _pressed(carrier, base) or _pressed(carrier, trials[0][1]):
+            if meter.holds(0.0, FITTING, begun):
+                say(f"fitting with {trials[0][0].name} from other values")
+                trials = _from_elsewhere(carrier, trials, use)
+            else:
+                whole = False
+        say(f"fitting without {trials[0][0].name}")
+        again = without(carrier, trials[0][1], trials[0][0], use)
+        if again.cost(use) < before:
+            base, before = again, again.cost(use)
+    rows = []
+    for k, (e, one) in enumerate(trials):
+        explained = max(0.0, 1.0 - one.cost(use) / before)
+        rmse = root(before / n), root(one.cost(use) / n)
+        told = evidence(base, one, carrier.rows, use)
+        trial = Trial(e, explained, told, rmse, value=one.value(e, carrier), at=one)
+        if k < FINALISTS and explained >= LEAST and told >= limit:
+            if k == 0 or meter.holds(0.0):
+                say(f"judging {e.name}")
+                trial = judged(carrier, base, trial, use, kept)
+            else:
+                whole = False
+        rows.append(trial)
+    found = _found(carrier, rows, extensions, use)
+    return Round(base.additions, tuple(rows), found, limit, tuple(untried), whole and not untried, base)
+
+
+def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
+    """The best short fit with an addition from its starts."""
+    additions, best = (*base.additions, e), None
+    for start in (0.0,) if e.linear else e.starts:
+        one = fitted(carrier, additions, base.x, np.r_[base.theta, start], use, QUICK)
+        if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
+            best = one
+    return best
+
+
+def judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with its figures on unseen data."""
+    assert t.at is not None
+    unit, later = _scale(carrier), unseen(carrier, base, t.at, use, kept)
+    roots = float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit
+    error = standard_error(carrier, t.at, t.extension, use)
+    return replace(t, unseen=1.0 - later.extended / later.base, unseen_rmse=roots, standard_error=error)
+
+
+def refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarray, kept: np.ndarray) -> Trial:
+    """A trial with the figures of another fit of the same additions."""
+    before, after, unit = base.cost(use), at.cost(use), _scale(carrier)
+    rmse = float(np.sqrt(before / use.sum())) * unit, float(np.sqrt(after / use.sum())) * unit
+    told, explained = evidence(base, at, carrier.rows, use), max(0.0, 1.0 - after / before)
+    made = replace(t, at=at, explained=explained, evidence=told, rmse=rmse, value=at.value(t.extension, carrier))
+    return judged(carrier, base, made, use, kept)
+
+
+def _price(e: Extension) -> int:
+    """Simulations with derivatives that a first try of an addition takes at most."""
+    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
+
+
+def _found(carrier: Carrier, trials: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
+    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
+    good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
+    if not good:
+        return ()
+    best = max(good, key=lambda t: t.explained)
+    assert best.at is not None
+    alike = []
+    for t in good:
+        assert t.at is not None
+        apart = evidence(t.at, best.at, carrier.rows, use)
+        if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
+            alike.append(t)
+    return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _pressed(carrier: Carrier, one: Fitted) -> bool:
+    """Whether a parameter of the problem stands at a bound."""
+    own = one.x[: carrier.own]
+    return bool(np.any((own < NEAR_BOUND) | (own > 1.0 - NEAR_BOUND)))
+
+
+def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray) -> list[tuple[Extension, Fitted]]:
+    """The trials, the best one fitted from some points of the box as well, and the others of the best from where that ended."""
+    best, made = trials[0][1], list(trials)
+    for z in Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own]:
+        x = best.x.copy()
+        x[: carrier.own] = z
+        one = fitted(carrier, best.additions, x, best.theta, use)
+        best = one if one.cost(use) < best.cost(use) else best
+    if best is trials[0][1]:
+        return made
+    made[0] = (trials[0][0], best)
+    for k, (e, one) in enumerate(trials[1:FINALISTS], 1):
+        x = one.x.copy()
+        x[: carrier.own] = best.x[: carrier.own]
+        again = fitted(carrier, one.additions, x, one.theta, use)
+        made[k] = (e, again if again.cost(use) < one.cost(use) else one)
+    made.sort(key=lambda pair: pair[1].cost(use))
+    return made
+
+
+def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
+    """Whether the value of an addition that is nothing at zero is known to be something."""
+    if t.extension.candidate.level or t.value is None or t.standard_error is None:
+        return True
+    if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
+        return True  # a value for each recording
+    return abs(t.value) >= SURE * t.standard_error
+
+
+def _scale(carrier: Carrier) -> float:
+    """The unit of the RMSE: that of the output where there is one."""
+    scales = carrier.given.scales
+    return next(iter(scales.values())) if len(scales) == 1 else 1.0

@@ -1,0 +1,330 @@
+"""One end of a range followed on the problem: a parameter is moved, all others are fitted anew, and the cost is compared."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+import plantfit.runtime  # noqa: F401
+from plantfit.optimize.local.separable import Block
+from plantfit.problem.evaluate import points
+from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
+
+STEPS = 8  # of one refit
+SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
+SMALL = 1e-5  # damping of the others, relative to the largest derivative
+PROBES = 12  # refits for one end
+NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
+ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
+OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
+WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
+BETWEEN = 6  # places between the ends of a wide range that are looked at
+FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
+BEYOND = 1.5  # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
+OPENS = 2.5  # times as far a range may reach there before it is taken to open
+SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
+
+
+@dataclass(frozen=True)
+class Place:
+    """One coordinate held `at` a place of its edge of the cube, the others fitted anew.
+
+    `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there. `settled`: the
+    refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall to the threshold beyond it;
+    `limited`: where it leans, physics sets a limit somewhere beyond.
+    """
+
+    at: float
+    share: float
+    point: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    settled: bool = True
+    leans: bool = False
+    limited: bool = True
+
+
+class Followed:
+    """Ranges of the coordinates of `problem` around the cube point z (d,), with at most so many Jacobians.
+
+    The box is all that can be simulated. Where a range reaches its end, or a refit leans on a bound that is no physical limit, the
+    linear problem says how it goes on.
+    """
+
+    def __init__(self, problem: Problem, z: np.ndarray, linear: Linear, allowed: int):
+        self.problem, self.z, self.linear, self.left = problem, np.asarray(z, dtype=float), linear, allowed
+        self.count = sum(problem.parts.counts.values())
+        self.first = self._rows(self.z)
+        self.least = float(self.first[0] @ self.first[0])
+        space = problem.space
+        self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
+        self.lower, self.upper, self.slopes = space.lower, space.upper, space.slopes(self.z)
+        self.times = 1.0  # the threshold, how much an answer may cost
+        self.met: list[np.ndarray] = []
+        self.growths = {self.z.tobytes(): 0.0}  # of the sum of squares over the variance, at every point that a refit ended at
+
+    def range(self, i: int) -> Range:
+        """The range of coordinate i."""
+        self.met = []
+        ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
+        return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
+
+    def narrow(self, i: int, found: Range) -> bool:
+        """Whether a range is short beside the value."""
+        return self._reach(i, found) <= WIDE * float(self.linear.size[i])
+
+    def _reach(self, i: int, found: Range) -> float:
+        """How far a range goes from the value at most."""
+        value = float(self.linear.values[i])
+        return max(found.high - value, value - found.low)
+
+    def look_between(self, i: int, found: Range) -> None:
+        """Refits at places between the ends of a wide range of coordinate i, and what they met.
+
+        A parameter that means nothing at the answer may mean much in the middle of its range, where others then have other values.
+        """
+        first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
+        known = [self.z, *found.points]
+        self.left = max(self.left, BETWEEN * STEPS)
+        for at in np.linspace(first, last, BETWEEN + 2)[1:-1]:
+            nearest = min(known, key=lambda z: abs(float(z[i]) - float(at)))
+            place = self._grown(i, float(at), nearest)
+            if place is not None and place.share <= 1.0:
+                known.append(place.point)
+                found.points.append(place.point)
+
+    def go_on(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
+        """Follow coordinate i beyond its range from points `starts` (d,) that cost as little as the answer, and keep what is met."""
+        self.met, self.left = [], max(self.left, 8 * STEPS)
+        for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
+            for start in starts:
+                end = found.low if sign < 0 else found.high
+                last = self._cube(i, end, edge)
+                at = float(np.clip(self.z[i] + FURTHER * (last - self.z[i]), 0.0, 1.0))
+                if at == last or not np.isfinite(end) or self.left <= 0:
+                    break
+                place = self._grown(i, at, self._predicted(i, self._place(i, start), at))
+                if place is None or place.share > 1.0:
+                    continue
+                self.met.append(place.point)
+                self.left = max(self.left, 2 * STEPS)
+                end = self._march(i, sign, place, self._next(self.z[i], edge, place, None), None, end, on=True)
+                found.low, found.high = min(found.low, end), max(found.high, end)
+        found.points.extend(self.met)
+
+    def look_beyond(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
+        """Widen a narrow range to that of three standard errors where a valley opens just beyond it.
+
+        One answer in twenty has the truth beyond its range. If the range is short only because it ends before the valley, these are the
+        answers that would be called determined.
+        """
+        self.times = BEYOND**2
+        beyond = Range(found.low, found.high)
+        self.go_on(i, beyond, starts)
+        self.times = 1.0
+        wide, known = WIDE * float(self.linear.size[i]), self._reach(i, found)
+        if self._reach(i, beyond) > max(wide, min(BEYOND * wide, OPENS * known)):
+            found.low, found.high = beyond.low, beyond.high
+
+    def _end(self, i: int, sign: float) -> float:
+        """Where the range of coordinate i ends to one side, in its unit."""
+        step, x = linear_end(self.linear, i, sign)
+        end = float(self.linear.values[i] + sign * step * self.linear.size[i])
+        if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
+            end = float(self.limits[i][1 if sign > 0 else 0])  # where nothing can be simulated the linear problem is not followed far
+        edge = 0.0 if sign < 0 else 1.0
+        if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
+            return end
+        here = Place(float(self.z[i]), 0.0, self.z, *self.first)
+        if self.left <= 0:
+            return self._unstopped(i, sign, here, end)
+        return self._march(i, sign, here, self._cube(i, end, edge), self._point(x), end)
+
+    def _march(self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False) -> float:
+        """Where the range ends, from a place `inside` of it: `at` is tried first, from `start` (d,) if given; `end` is known so far.
+
+        `on`: from elsewhere, where `at` is no end of the linear problem; refits that succeed are not counted then.
+        """
+        here, edge, outside = float(self.z[i]), 0.0 if sign < 0 else 1.0, None
+        if at == inside.at:
+            return self._beyond(i, sign, inside.share, end)
+        for probe in range(PROBES):
+            left = self.left
+            found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start)
+            if found is None or (found.share > 1.0 and not (found.settled and found.limited)):  # too far for one refit, or for the box
+                if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
+                    break
+                at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
+                continue
+            if found.share <= 1.0:
+                inside, self.left = found, left if on else self.left
+                self.met.append(found.point)
+            elif found.leans:  # a bound may hold what the data do not
+                if at == edge:
+                    return float(self.limits[i][1 if sign > 0 else 0])
+                inside = replace(found, share=1.0)
+            else:
+                outside = found
+            if probe == 0 and not on and inside.share < 1.0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
+                return end
+            if at == edge and found.share <= 1.0:
+                return self._beyond(i, sign, found.share, end)
+            if self.left <= 0 or (outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)):
+                break
+            at, start = self._next(here, edge, inside, outside), None
+        if outside is not None:
+            near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
+            return self._value(i, self._between(inside, outside) if near else outside.at)
+        return self._unstopped(i, sign, inside, end)
+
+    def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
+        """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found beyond that.
+
+        A wide linear end that no refit has tried is no end: the problem may be curved.
+        """
+        limit = float(self.limits[i][1 if sign > 0 else 0])
+        if inside.point is self.z:  # nothing was found out
+            return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
+        reached = self._value(i, inside.at)
+        if sign * (reached - end) <= 0.0:
+            return end
+        return limit if inside.share < 0.5 else reached
+
+    def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
+        """The place to try next."""
+        if outside is not None:
+            low, high = inside.at, outside.at
+            off = 0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1  # a cliff, or a refit that found no way: no parabola
+            first, last = sorted((low + off * (high - low), high - off * (high - low)))
+            return min(max(self._between(inside, outside), first), last)
+        factor = float(np.clip(1.1 / np.sqrt(max(inside.share, SLIGHT)), 1.3, 4.0))
+        at = here + factor * (inside.at - here)
+        return edge if abs(at - here) >= 0.7 * abs(edge - here) else at
+
+    def _predicted(self, i: int, inside: "Place", at: float) -> np.ndarray:
+        """Where the others go when coordinate i moves to `at`, by the derivatives at the nearest place inside the range."""
+        others = np.arange(len(self.z)) != i
+        columns = inside.jacobian[:, others]
+        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        moved = inside.residuals + (at - inside.at) * inside.jacobian[:, i]
+        rows = np.vstack([columns, SMALL * np.max(scale, initial=0.0) * np.eye(int(others.sum()))])
+        right = np.r_[-moved, np.zeros(int(others.sum()))]
+        point = inside.point.copy()
+        low, high = -point[others] - 1e-15, 1.0 - point[others] + 1e-15
+        change = np.linalg.lstsq(rows, right)[0]
+        if np.any((change < low) | (change > high)):
+            change = lsq_linear(rows, right, (low, high), method="bvls").x
+        point[others] = np.clip(point[others] + change, 0.0, 1.0)
+        return point
+
+    @staticmethod
+    def _between(inside: "Place", outside: "Place") -> float:
+        """Where the growth passes the threshold, its root linear as it is for a parabola."""
+        low, high = np.sqrt(max(inside.share, 0.0)), np.sqrt(outside.share)
+        return float(inside.at + (1.0 - low) / max(high - low, 1e-12) * (outside.at - inside.at))
+
+    def _beyond(self, i: int, sign: float, share: float, end: float) -> float:
+        """Where a range ends that goes on to the edge of the box: by the growth there, as far as it says anything.
+
+        Logarithms may say an end far outside, where nothing is known.
+        """
+        limit = self.limits[i][1 if sign > 0 else 0]
+        if share <= SLIGHT:
+            return float(limit)
+        edge = 0.0 if sign < 0 else 1.0
+        reached, value = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share)), self.linear.values[i]
+        if abs(reached - value) > OUTSIDE * abs(self._value(i, edge) - value):
+            return float(limit)
+        end = reached if np.isfinite(reached) else end
+        return float(np.clip(end, *self.limits[i]))
+
+    def _place(self, i: int, point: np.ndarray) -> Place:
+        """A point (d,) that was met, with what is known there."""
+        self.left -= 1
+        return Place(float(point[i]), self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]), point, *self._rows(point))
+
+    def _grown(self, i: int, at: float, start: np.ndarray) -> "Place | None":
+        """The others fitted anew with coordinate i held, from `start` (d,); None where it cannot be simulated."""
+        point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
+        point[i] = at
+        top = self.times * self.linear.threshold[i] * self.linear.variance
+        whole: dict[str, np.ndarray] = {}
+
+        def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            trial = point.copy()
+            trial[places] = x
+            self.left -= 1
+            r, j = self._rows(trial)
+            whole["tried"] = j
+            return r, j[:, places]
+
+        block = Block(places, point[places].copy(), *evaluated(point[places].copy()), tolerance=1e-9, damping=SMALL**2)
+        whole["kept"] = whole["tried"]
+        if not np.isfinite(block.cost):
+            return None
+        settled = not len(places)
+        for _ in range(STEPS if len(places) else 0):
+            if block.cost - self.least <= 0.5 * top:
+                break  # inside, which is what was asked
+            step, promised = block.step()
+            settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * (block.cost - self.least)))
+            if settled:
+                break
+            before = block.cost
+            block.update(step, promised, *evaluated(np.clip(block.x + step, 0.0, 1.0)))
+            if block.cost < before:
+                whole["kept"] = whole["tried"]
+            if block.done or self.left <= 0:
+                settled = block.done
+                break
+        point[places] = block.x
+        share = (block.cost - self.least) / top
+        self.growths[point.tobytes()] = float(share) * top / self.linear.variance
+        return Place(at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(places, block, top))
+
+    def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and derivatives in few rows whose squares sum to those of all samples."""
+        r, j = points.compressed(self.problem, z)
+        scale = np.sqrt(self.count / len(r))
+        return r * scale, j * scale
+
+    def _leans(self, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
+        """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
+        and whether physics limits all of them.
+
+        By the gradient, which a convex sum never falls faster than.
+        """
+        gradient, noticed, most = 2.0 * block.jacobian.T @ block.residuals, False, 0.0
+        for k, x, g in zip(places, block.x, gradient, strict=True):
+            side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
+            if side is None:
+                continue
+            bound = self.lower[k] if side == 0 else self.upper[k]
+            room = abs(self.limits[k][side] - bound)
+            slope = bound * np.log(self.upper[k] / self.lower[k]) if self.problem.space.log[k] else self.upper[k] - self.lower[k]
+            noticed |= abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top
+            most += abs(g) / slope * room
+        leans = bool(noticed and block.cost - self.least - most <= top)
+        return leans, bool(not leans or np.isfinite(most))
+
+    def _cube(self, i: int, value: float, edge: float) -> float:
+        """The place of a value on the edge i of the cube, inside the box."""
+        if not self.lower[i] < value < self.upper[i]:
+            return edge
+        whole = self.linear.values.copy()
+        whole[i] = value
+        return float(self.problem.space.cube(whole)[i])
+
+    def _point(self, x: np.ndarray) -> np.ndarray:
+        """The cube point of the linear problem's x (d,), inside the box; the answer where that is far."""
+        if not np.all(np.isfinite(x)) or np.max(np.abs(x), initial=0.0) > 1.0:
+            return self.z
+        return np.clip(self.problem.space.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0)
+
+    def _value(self, i: int, at: float) -> float:
+        whole = self.z.copy()
+        whole[i] = at
+        with np.errstate(over="ignore"):
+            return float(np.asarray(self.problem.space.physical(whole))[i])
