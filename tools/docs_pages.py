@@ -208,7 +208,8 @@ def results_page() -> str:
     rows, tables = "", {}
     for command, record in RESULTS.items():
         schema = result_schema(command)
-        rows += f"| `plantfit {command} --json` | [{record.__name__}](#{record.__name__.lower()}) |\n"
+        of_models = " (of models)" if command == "compare" else ""
+        rows += f"| `plantfit {command} --json`{of_models} | [{record.__name__}](#{record.__name__.lower()}) |\n"
         tables |= {record.__name__: schema, **schema["$defs"]}
     text = (
         "# The results of other commands\n\nWhat commands beside `run` print with `--json`, and what `record` of their results holds in\n"
