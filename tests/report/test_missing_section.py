@@ -133,6 +133,7 @@ def test_a_record_is_drawn_beside_the_time_that_the_model_asks_for(kind, seconds
     [line], [zone] = figure["data"], figure["layout"]["shapes"]
     assert (zone["x0"], zone["x1"]) == (0.0, pytest.approx(end))
     assert len(line["x"]) == samples
+    assert figure["layout"]["annotations"][0]["text"].startswith("y in a [V]; shaded: at ")
     assert figure["layout"]["xaxis"]["range"][1] == pytest.approx(max(1.05 * end, line["x"][-1]))
     assert pictured(kind, 0.0, 39.9, signal=None) is None  # of a record without figures
 

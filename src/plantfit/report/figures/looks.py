@@ -53,13 +53,11 @@ def _beside_time(look: Look, t: np.ndarray, recording: Recording) -> Figure | No
     values = array(output.measured)[:shown]
     if not np.any(np.isfinite(values)):
         return None
-    title = with_unit(f"{name} in {recording.name}", output.unit)
+    title = f"{with_unit(f'{name} in {recording.name}', output.unit)}; shaded: {how} {significant(time, 4)} s by the bounds"
     figure = _figure(replace(look, begin=None, end=None), t[:shown], values, title, slowly)
     end = t[0] + time
     figure["layout"]["shapes"] = [_zone(float(t[0]), float(end))]
     figure["layout"]["xaxis"]["range"] = [float(t[0]), float(max(t[shown - 1], t[0] + ROOM * time))]
-    said = style.heading(f"shaded: {how} {significant(time, 4)} s by its bounds", 1, 1, font=style.SMALL)
-    figure["layout"]["annotations"].append(said | {"xanchor": "right"})
     return figure
 
 

@@ -42,7 +42,9 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += looks_of_packages(recording, signal, measured)
         found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
         found += _times(problem, recording)
-        if not any(_steps_at_start(e, model, u) for u in e.before) and (set(model.inputs) <= set(e.before) or _begins_at_rest(problem, e)):
+        if not any(_steps_at_start(e, model, u) for u in e.before) and (
+            set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, e)
+        ):
             found += _start(problem, model, recording)
     return found
 
@@ -130,9 +132,9 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             )  # fmt: skip
 
 
-def _begins_at_rest(problem: Problem, e: Experiment) -> bool:
+def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
     """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells that outputs do."""
-    model, recording = problem.model, e.recording
+    recording = e.recording
     if model.derivative is None:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
