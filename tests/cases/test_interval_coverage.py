@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from interval_coverage import held, scores
+from interval_coverage import held, scores, study_scores
 
 import plantfit.recording as rec
 from plantfit.cases.motor.bench import TRUTH as BOARD_MOTOR
@@ -18,6 +18,7 @@ from plantfit.cases.shared.files import unpack
 from plantfit.problem import Experiment
 from plantfit.recording import to_csv
 from plantfit.rig.dc_motor import ROBOT_MOTOR
+from plantfit.rig.offered import record_rig
 from plantfit.space import Parameter
 from plantfit.spec import load
 
@@ -87,3 +88,19 @@ def test_the_board_motor_with_a_current_channel(tmp_path):
     truth = {n: BOARD_MOTOR[n] for n in ("Rm", "Lm", "Kb", "Jm", "Cm", "Tf")}
     shares = {n: held(z) for n, z in board_scores(problem.model, truth, space).items()}
     assert all(0.91 <= share <= 0.99 for share in shares.values()), shares
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("without", [(), ("i",)])
+def test_an_own_motor_as_the_rig_writes_it(tmp_path, without):
+    """docs/own-plants.md: study files as `plantfit rig dc_motor --study` writes them, with and without a current; 60 records."""
+    constants = {"Rm": 1.2, "Lm": 3e-3, "Kb": 0.05, "Jm": 4e-4, "Cm": 2e-4, "Tf": 4e-3}
+
+    def made(seed):
+        return record_rig("dc_motor", constants, seed=seed, without=without)
+
+    truth = {n: d["value"] for n, d in made(2000).truth["determined"].items() if n != "Kt"}
+    z = study_scores(lambda seed: made(seed).save(tmp_path / f"{seed}.csv", study=True)["study"], truth, range(2000, 2060))
+    shares = {n: held(v) for n, v in z.items()}
+    assert all(share >= 0.86 for share in shares.values()), shares  # 8 misses of 60; more come in 1 of 500 times
+    assert all(abs(np.mean(v)) < 0.5 for v in z.values())
