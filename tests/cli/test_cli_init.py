@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_call import call
+from cli_call import call, heater
 
 import plantfit
 from plantfit import spec
@@ -168,3 +168,13 @@ def test_times_that_go_back_or_stand_twice_are_treated_in_the_file(tmp_path, cap
         assert f"the file says {line}" in said.out
     checked = call(capsys, monkeypatch, "check", "a.toml")
     assert checked.code == 0, checked.err
+
+
+def test_every_parameter_says_what_it_is(capsys, monkeypatch, tmp_path):
+    heater(tmp_path)
+    assert call(capsys, monkeypatch, "init", str(tmp_path / "heater.csv"), "--yes", "--force").code == 0
+    written = tomllib.loads((tmp_path / "heater.toml").read_text("utf-8"))["parameters"]
+    told = [p["sentence"] for p in written.values()]
+    assert len(told) > 3
+    assert "static gain from u to T" in told
+    assert "dead time of T" in told

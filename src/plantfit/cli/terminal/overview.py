@@ -8,7 +8,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "init": "Write a study file from a recording",
         "new": "Write a study file from a list of parts, or from the library",
         "look": "Responses, delay and best linear model, without equations",
-        "check": "Read a study file; say what was understood and can be told",
+        "check": "Read a study file; say what its records can determine",
     },
     "Fit": {
         "run": "Search the parameters, judge them, write the report",
@@ -24,7 +24,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "intervals": "Covariance, profile, bootstrap, posterior side by side",
         "estimate": "Maximum likelihood and Kalman filters beside the fit",
         "sensitivity": "Which parameters the cost reacts to",
-        "combine": "Write the study in the combinations that are determined",
+        "combine": "Write a study of the combinations that are determined",
     },
     "Next step": {
         "design": "The input to record next, within limits",
@@ -33,7 +33,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
     },
     "Bench": {
         "excite": "Make a signal that excites a plant, within limits",
-        "record": "Play it on a board and record the answer",
+        "record": "Play such a signal on a board and record its answer",
         "track": "Follow states and parameters on line, with an alarm",
         "rig": "Record a virtual plant whose constants are known",
     },

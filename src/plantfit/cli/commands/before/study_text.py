@@ -175,8 +175,8 @@ class _Plant:
 
 
 def _parameter(name: str, told: str, low: float, high: float, unit: str | None, log: bool = False) -> str:
-    lines = [f"{f'[parameters.{name}]':<22} # {told}", f"bounds = [{low:.4g}, {high:.4g}]"]
-    lines += ['scale = "log"'] * log + ([f"unit = {quoted(unit)}"] if unit else [])
+    lines = [f"[parameters.{name}]", f"bounds = [{low:.4g}, {high:.4g}]"]
+    lines += ['scale = "log"'] * log + ([f"unit = {quoted(unit)}"] if unit else []) + [f"sentence = {quoted(told)}"]
     return "\n".join(lines) + "\n\n"
 
 
