@@ -192,8 +192,8 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
 
         def surface(e):
             # the states need not be moved to see what depends on time alone
-            moved = [(lambda x, *_: x) if e.timed else s for s in (stepped, looked_at)]
-            return Surface(*moved, rate, _falling(e), varying, SETTLED_NEAR, by_time)
+            move, look = (_still, _still) if e.timed else (stepped, looked_at)
+            return Surface(move, look, rate, _falling(e), varying, SETTLED_NEAR, by_time)
 
         def near(h):
             """`NEAR` as a share of what is left of the step."""
@@ -390,6 +390,10 @@ def _traced(step: Callable[..., Any]) -> Callable[..., Any]:
         return once(rate, *given, varying, pattern)
 
     return traced
+
+
+def _still(x, *_):
+    return x
 
 
 def _once(step: Stepper) -> Stepper:
