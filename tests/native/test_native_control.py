@@ -144,3 +144,40 @@ def test_collatz_counts():
             n, count = (n // 2 if n % 2 == 0 else 3 * n + 1), count + 1
         true.append(count)
     assert found.tolist() == true
+
+
+def test_a_branch_that_searches_goes_vector_by_vector():
+    """It reads numbers, flags, whole numbers, a table and step data from outside, and branches again inside; few lanes take it."""
+    table = jnp.array([0.3, 1.7, 0.9, 2.2])
+
+    def body(c, x):
+        value, count = c
+        rare, odd = jnp.sin(37.0 * value) > 0.8, count % 2 == 1
+
+        def searched(value, count):
+            def step(s):
+                a, n = s
+                return jnp.where(odd, 0.5 * (a + (x + 1.0) / a), a * 0.7 + 0.1 * table[count % 4]), n + 1
+
+            a, n = lax.while_loop(lambda s: (jnp.abs(s[0] ** 2 - x - 1.0) > 1e-9) & (s[1] < 30), step, (1.0 + value**2, 0))
+            return lax.cond(a > 1.2, lambda a: a - x, lambda a: a + value, a), count + n
+
+        value, count = lax.cond(rare, searched, lambda value, count: (value * 0.9 + 0.1 * x, count + 1), value, count)
+        return (value, count), (value, count)
+
+    compare(body, (0.4, 3), jnp.linspace(0.1, 3.0, 60))
+
+
+def test_what_searches_in_a_branch_has_the_same_bits_in_any_batch():
+    def body(c, x):
+        def searched(c):
+            return lax.while_loop(lambda a: jnp.abs(a * a - x) > 1e-9, lambda a: 0.5 * (a + x / a), 1.0 + c)
+
+        c = lax.cond(jnp.sin(37.0 * c) > 0.5, searched, lambda c: 0.9 * c + 0.1 * x, c)
+        return c, c
+
+    run = jax.jit(jax.vmap(lambda c: native_scan(body, c, XS, keep=True)[1]))
+    start = jnp.linspace(0.1, 2.0, 67)
+    whole = np.asarray(run(start))
+    for some in (slice(0, 1), slice(3, 12), slice(20, 53)):
+        np.testing.assert_array_equal(run(start[some]), whole[some])

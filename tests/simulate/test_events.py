@@ -5,9 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from simulate_events_plants import plant
 
-import plantfit.runtime  # noqa: F401
-from plantfit.errors import ModelError
+import plantfit as pf
+import plantfit.runtime
+from plantfit.errors import ModelError, SimulationError
 from plantfit.models.parts.switching import Backlash, Event, Friction
+from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.steppers import rk4, rosenbrock
 
@@ -256,3 +258,27 @@ def test_backlash_is_the_play_operator():
     assert float(jnp.max(y) - jnp.min(y)) == pytest.approx(float(jnp.max(x) - jnp.min(x)) - 0.6, abs=0.31)
     np.testing.assert_allclose(z, np.r_[0, np.cumsum(0.05 * (y[1:] + y[:-1]))], atol=0.02)
     np.testing.assert_allclose(jax.jit(jax.jacrev(lambda b: run(b)[1]))(0.3)[15], -1.0)
+
+
+def test_a_step_is_traced_once_wherever_it_stands():
+    """Friction inside of events: a step is asked for at both, to look, to search, to go on, and with derivatives."""
+    v = plant("x v", "F", "m Fc", lambda x, u, p: {"x": x["v"], "v": u["F"] / p["m"]})
+    dry = Friction("v", lambda x, u, p: p["Fc"], lambda x, u, p: p["Fc"], lambda x, u, p: {"v": 1.0 / p["m"]})
+    wall = Event("wall", lambda x, u, p: x["x"] + 1.0, lambda x, u, p: {"v": -0.5 * x["v"]})
+    calls = []
+
+    def counted(*given):
+        calls.append(1)
+        return rk4(*given)
+
+    step = with_events(with_friction(counted, bind_friction(dry, v)), [bind_event(wall, v)])
+    x, u, p = (jnp.array(0.5), jnp.array(-1.0)), (jnp.array(0.2), jnp.array(0.0)), (jnp.array(1.3), jnp.array(0.1))
+    jax.make_jaxpr(lambda x, p: jax.vjp(lambda x, p: step(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0)))(x, p)
+    assert len(calls) <= 2
+
+
+def test_a_matrix_exponential_is_refused_where_it_would_leave_friction_out():
+    text = "v' = (F - friction(v, Fc))/m\ny = v"
+    model = pf.equations(text, inputs=["F"], states=["v"], outputs=["y"], parameters=["Fc", "m"], check=False)
+    with pytest.raises(SimulationError, match="dry friction or backlash, which no matrix exponential follows; use stepper = 'exponential'"):
+        Simulator.of(model, stepper="exact")

@@ -36,6 +36,12 @@ def test_a_misspelt_key_is_named_with_the_one_that_was_meant(text, key, meant):
     assert refused(text) == f"s.toml: key {key!r} is not known; did you mean {meant!r}?"
 
 
+def test_states_may_be_names_alone():
+    named = validated(f'{HEAD}[model]\nstates = ["x", "v"]', Path("s.toml")).model.states
+    assert named == validated(f"{HEAD}[model.states]\nx = {{}}\nv = {{}}", Path("s.toml")).model.states
+    assert "write names as text" in refused(f"{HEAD}[model]\nstates = [1]")
+
+
 def test_a_key_that_is_missing_is_asked_for():
     assert refused(f"{HEAD}[model.filter_alike]\norder = 3") == "s.toml: key 'model.filter_alike.cutoff' is missing; add it."
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from plantfit.errors import SimulationError
 from plantfit.models.model import Model
 from plantfit.simulate.records.rollout import make_rollout
 from plantfit.simulate.steps.adaptive import FINEST, adaptive
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, values_of, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
 from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length
 from plantfit.simulate.steps.linear import exact_step
@@ -70,6 +70,10 @@ class Simulator:
         if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
             raise SimulationError(
                 f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = 'exponential'."
+            )
+        if stepper == EXACT and (model.frictions or model.backlashes):
+            raise SimulationError(
+                f"Model {model.name!r} has dry friction or backlash, which no matrix exponential follows; use stepper = 'exponential'."
             )
         if stepper == ADAPTIVE and (not model.smooth or model.state_delays):
             raise SimulationError(
@@ -371,10 +375,10 @@ def _divided(z, m: int, timed: bool = False):
 
 
 def _rollout(simulator: Simulator):
-    step, vector, varying = simulator.step, simulator.vector, simulator.varying
+    vector, varying = simulator.vector, simulator.varying
 
-    def one(p, x, z):
+    def one(step, p, x, z):
         u0, u1, h = z
         return step(vector.rate, x, u0, u1, h, p, varying, vector.pattern)
 
-    return make_rollout(one)
+    return make_rollout(partial(one, simulator.step), partial(one, values_of(simulator.step)))

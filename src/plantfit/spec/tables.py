@@ -92,12 +92,18 @@ class AlikeTable(_Table):
     drop: float = 0.1
 
 
+def _states(value: Any) -> Any:
+    """A list of names as states without units that begin at 0."""
+    named = _names(value)
+    return {n: {} for n in named} if isinstance(value, list) else named
+
+
 class ModelTable(_Table):
     kind: str | None = None
     options: dict[str, Any] = {}
     equations: str | None = None
     inputs: Units = {}
-    states: dict[str, StateTable | str] = {}
+    states: Annotated[dict[str, StateTable | str], BeforeValidator(_states)] = {}
     outputs: Units = {}
     constants: dict[str, float | str] = {}
     tables: dict[str, TableTable] = {}

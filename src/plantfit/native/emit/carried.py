@@ -54,7 +54,7 @@ def renew(e: Emitter, params: Sequence[Node], results: Sequence[Node], places: S
         copy(e, source, place, e.mask)
     for param, result, place in zip(params, results, places, strict=True):
         if not isinstance(place, Storage):
-            _renew_number(e, param, result, place)
+            renew_number(e, param, e.operand(result, e.varies(param)), place)
 
 
 def renew_one(e: Emitter, node: Node, result: Node, place: Place) -> None:
@@ -62,13 +62,14 @@ def renew_one(e: Emitter, node: Node, result: Node, place: Place) -> None:
     if isinstance(place, Storage):
         copy(e, e.storage(result), place, e.mask)
     else:
-        _renew_number(e, node, result, place)
+        renew_number(e, node, e.operand(result, e.varies(node)), place)
 
 
-def _renew_number(e: Emitter, node: Node, result: Node, slots: Sequence[str]) -> None:
+def renew_number(e: Emitter, node: Node, values: Lanes, slots: Sequence[str]) -> None:
+    """Store values in the slots of a node, in the active lanes."""
     varying = e.varies(node)
     kind = e.type_of(node.dtype, varying)
-    for u, (slot, value) in enumerate(zip(slots, e.operand(result, varying), strict=True)):
+    for u, (slot, value) in enumerate(zip(slots, values, strict=True)):
         if varying and e.mask is not None:
             old = e.put(f"load {kind}, ptr {slot}")
             (value,) = e.selected(node.dtype, True, [e.mask[u]], [value], [old])

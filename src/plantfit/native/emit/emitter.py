@@ -1,6 +1,6 @@
 """The state of a function being emitted: registers of nodes, memory of arrays, active lanes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes, literal
@@ -75,6 +75,18 @@ class Emitter(FunctionText):
         for other in masks[1:]:
             total = self.put(f"or {self.vector('i1')} {total}, {other}")
         return self.call("i1", f"llvm.vector.reduce.or.v{self.width}i1", (self.vector("i1"), total))
+
+    # -- one vector ---------------------------------------------------------------------------------
+
+    @contextmanager
+    def one_vector(self, values: Mapping[Node, str]) -> Iterator[None]:
+        """Within, a block has one vector, in which nodes from outside have these values."""
+        vectors, before = self.vectors, {node: self._values[node] for node in values}
+        self.vectors = 1
+        self._values.update({node: [value] for node, value in values.items()})
+        yield
+        self.vectors = vectors
+        self._values.update(before)
 
     # -- memory -------------------------------------------------------------------------------------
 

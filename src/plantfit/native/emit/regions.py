@@ -8,13 +8,13 @@ from typing import Any
 
 from plantfit.native.emit.array_access import emit_add_at, emit_load, emit_pack, emit_update, lent_to_branches, updated_in_place
 from plantfit.native.emit.c_library import emit_libm, emit_patched
-from plantfit.native.emit.carried import Place, fetch, initial_places, renew, renew_one
+from plantfit.native.emit.carried import Place, fetch, initial_places, renew, renew_number, renew_one
 from plantfit.native.emit.emitter import Emitter
 from plantfit.native.emit.held_sums import HeldSums
 from plantfit.native.emit.instructions import emit_instruction
-from plantfit.native.emit.llvm_text import BYTES, REGISTER, Lanes
-from plantfit.native.emit.storage import Storage
-from plantfit.native.graph.nodes import BOOL, F64, Node, Region, walk
+from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, Lanes
+from plantfit.native.emit.storage import Storage, from_memory, to_memory
+from plantfit.native.graph.nodes import BOOL, F64, Node, Region, regions_of, walk
 from plantfit.native.passes.table_reads import TableReads
 
 _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
@@ -27,6 +27,43 @@ _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
 }
 
 
+class _Row:
+    """The vectors of a number in memory, to be taken by their place."""
+
+    def __init__(self, e: Emitter, dtype: str, values: Sequence[str] = ()):
+        self.e, self.dtype, self.kind = e, dtype, e.vector(MEMORY[dtype])
+        self.pointer = e.slot(self.kind, e.vectors)
+        for u, value in enumerate(values):
+            self.store(str(u), value)
+
+    def _at(self, u: str) -> str:
+        return self.e.put(f"getelementptr {self.kind}, ptr {self.pointer}, i64 {u}")
+
+    def store(self, u: str, value: str) -> None:
+        value = to_memory(self.e, self.dtype, value, True)
+        self.e.line(f"store {self.kind} {value}, ptr {self._at(u)}, align 8")
+
+    def load(self, u: str) -> str:
+        return from_memory(self.e, self.dtype, self.e.put(f"load {self.kind}, ptr {self._at(u)}, align 8"), True)
+
+
+def _from_outside(region: Region) -> list[Node]:
+    """What a region and those inside it use and do not make."""
+    used: dict[Node, None] = {}
+    own: set[Node] = set()
+
+    def visit(region: Region) -> None:
+        own.update(region.params, region.code)
+        for node in region.code:
+            used.update(dict.fromkeys(node.args))
+            for inner in regions_of(node):
+                visit(inner)
+        used.update(dict.fromkeys(region.results))
+
+    visit(region)
+    return [node for node in used if node not in own and node.op != "const"]
+
+
 class RegionEmitter:
     """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `read` defines a load from the buffers, `tops` are
     the regions that contain all others."""
@@ -36,6 +73,8 @@ class RegionEmitter:
     ):
         self.e, self._cached, self._sums, self._read = emitter, cached, sums, read
         self._gets: dict[Node, list[Node]] = {}  # the results taken from each loop and branch
+        self._ahead: set[Node] = set()  # loads that were written ahead of the branch they stand in
+        self._apart = False  # whether the vectors of a block are worked off one after another
         for top in tops:
             for node in walk(top):
                 if node.op == "get":
@@ -45,10 +84,10 @@ class RegionEmitter:
         """The nodes of a region, in order; arrays that are `lent` to it may be overwritten."""
         in_place, lent_on = updated_in_place(region, lent), lent_to_branches(region, lent)
         for node in region.code:
-            if node.op in ("cload", "xload"):
+            if node.op in ("cload", "xload") and node not in self._ahead:
                 self._read(node)
         for node in region.code:
-            reads = self._cached.get(node)
+            reads = None if self._apart else self._cached.get(node)
             if node.op in ("cload", "xload"):
                 continue
             if reads is not None and self.e.varies(reads.index):
@@ -176,16 +215,63 @@ class RegionEmitter:
             e.line(f"br i1 {e.any_lane(chosen) if varying else chosen[0]}, label %{taken}, label %{following}")
             e.label(taken)
             with e.active(e.active_among(chosen) if varying else e.mask):
-                self.emit(region, kept)
-                with e.active(e.mask if varying else None):
-                    for get, place in zip(gets, places, strict=True):
-                        renew_one(e, get, region.results[get.data], place)
+                if varying and self._seldom(region, gets):
+                    for get, place, values in zip(gets, places, self._by_vector(region, gets), strict=True):
+                        renew_number(e, get, values, place)  # type: ignore[arg-type]
+                else:
+                    self.emit(region, kept)
+                    with e.active(e.mask if varying else None):
+                        for get, place in zip(gets, places, strict=True):
+                            renew_one(e, get, region.results[get.data], place)
             e.line(f"br label %{following if varying else end}")
             e.label(following)
         e.line(f"br label %{end}")
         e.label(end)
         for get, place in zip(gets, places, strict=True):
             fetch(e, get, place)
+
+    def _seldom(self, region: Region, gets: Sequence[Node]) -> bool:
+        """Whether a branch is worked off vector by vector: it searches for something, as few lanes do at a time, and gives numbers."""
+        e = self.e
+        arrays = any(n.size is not None and e.varies(n) for n in (*_from_outside(region), *gets))
+        return e.vectors > 1 and not arrays and any(node.op == "while" for node in walk(region))
+
+    def _by_vector(self, region: Region, gets: Sequence[Node]) -> list[Lanes]:
+        """The results of a branch, of one vector after another; those without an active lane are skipped."""
+        e, masks = self.e, self.e.mask or []
+        loads = [node for node in walk(region) if node.op in ("cload", "xload")]
+        for node in loads:
+            self._read(node)
+        outer = [n for n in (*_from_outside(region), *loads) if n.size is None and e.varies(n)]
+        start, begun = len(e.lines), [n for n in outer if n.depth == 0] if any(n.depth for n in outer) else []
+        given = {n: _Row(e, n.dtype, e.value(n)) for n in begun}
+        # what no step changes is stored once
+        e.before_steps.extend(e.lines[start:])
+        del e.lines[start:]
+        given |= {n: _Row(e, n.dtype, e.value(n)) for n in outer if n not in given}
+        mask, found = _Row(e, BOOL, masks), [_Row(e, get.dtype) for get in gets]
+        (counter,) = e.filled_slots("i64", ["0"])
+        body, some, following, end = (e.name(stem) for stem in ("vector", "some", "next", "done"))
+        e.line(f"br label %{body}")
+        e.label(body)
+        u = e.put(f"load i64, ptr {counter}")
+        own, before = mask.load(u), (self._ahead, self._apart)
+        with e.one_vector({}), e.active(None):
+            e.line(f"br i1 {e.any_lane([own])}, label %{some}, label %{following}")
+        e.label(some)
+        self._ahead, self._apart = self._ahead | set(loads), True
+        with e.one_vector({n: row.load(u) for n, row in given.items()}), e.active([own]):
+            self.emit(region)
+            for get, row in zip(gets, found, strict=True):
+                row.store(u, e.lanes(region.results[get.data])[0])
+        self._ahead, self._apart = before
+        e.line(f"br label %{following}")
+        e.label(following)
+        more = e.put(f"add i64 {u}, 1")
+        e.line(f"store i64 {more}, ptr {counter}")
+        e.line(f"br i1 {e.put(f'icmp slt i64 {more}, {e.vectors}')}, label %{body}, label %{end}")
+        e.label(end)
+        return [[row.load(str(i)) for i in range(e.vectors)] for row in found]
 
     def _result_place(self, get: Node, lent: Node | None) -> Place:
         e, varying = self.e, self.e.varies(get)

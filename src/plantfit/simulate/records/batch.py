@@ -11,6 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.simulate.records.rollout import make_rollout
 from plantfit.simulate.records.schedule import Chunks
 from plantfit.simulate.simulator import Simulator, exact_ends
+from plantfit.simulate.steps.events import values_of
 from plantfit.simulate.steps.grid import merge
 from plantfit.simulate.steps.intervals import MOST_EDGES, Row, sensitivities, substeps, summed
 
@@ -160,7 +161,8 @@ class Batch:
 
     def _rolled(self, p_rows, x, z, reverse: bool):
         """States (K, R) after all steps."""
-        rollout = make_rollout(substeps(self.simulator), reverse=reverse)
+        values = substeps(self.simulator, values_of(self.simulator.step))
+        rollout = make_rollout(substeps(self.simulator), values, reverse=reverse)
         return jax.vmap(rollout, in_axes=(0, 0, -1), out_axes=-1)(p_rows, x, z)
 
     def _states_in_window(self, p_rows, x, chunk: Chunks, reverse: bool):

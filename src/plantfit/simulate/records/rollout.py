@@ -14,15 +14,16 @@ import jax
 import jax.numpy as jnp
 
 
-def make_rollout(step: Callable, *, reverse: bool = False) -> Callable:
+def make_rollout(step: Callable, values: Callable | None = None, *, reverse: bool = False) -> Callable:
     """`rollout(p, x0, z)` for a `step(p, x, z_k) -> x` on tuples of scalars.
 
     `p` is a pytree, `x0` a tuple of n scalars, `z` a pytree of arrays with leading axis K (what
     changes from step to step); returns a tuple of n arrays (K,), the states after all steps.
     Records and candidates are batched by vmap.
-    Differentiable forwards (and from there backwards); with `reverse` only backwards, in less time.
+    Differentiable forwards (and from there backwards); with `reverse` only backwards, in less time. `values` is the same step for where
+    no derivatives are taken.
     """
-    return _reverse(step) if reverse else _forward(step)
+    return _reverse(step, values or step) if reverse else _forward(step, values or step)
 
 
 def _scan(step, p, x0, z):
@@ -49,12 +50,12 @@ def _columns(all_steps, before):
     return tuple(columns)
 
 
-def _forward(step):
+def _forward(step, values):
     all_steps = jax.vmap(step, in_axes=(None, 0, 0))
 
     @jax.custom_jvp
     def rollout(p, x0, z):
-        return _scan(step, p, x0, z)
+        return _scan(values, p, x0, z)
 
     @rollout.defjvp
     def _(primals, tangents):
@@ -77,15 +78,15 @@ def _forward(step):
     return rollout
 
 
-def _reverse(step):
+def _reverse(step, values):
     all_steps = jax.vmap(step, in_axes=(None, 0, 0))
 
     @jax.custom_vjp
     def rollout(p, x0, z):
-        return _scan(step, p, x0, z)
+        return _scan(values, p, x0, z)
 
     def forwards(p, x0, z):
-        states = _scan(step, p, x0, z)
+        states = _scan(values, p, x0, z)
         return states, (p, x0, z, states)
 
     def backwards(saved, cotangents):

@@ -57,7 +57,7 @@ def slopes_of_records(
     `steps_first` those of `RecordRows`. Forward mode with the directions as lanes, so that what they share, the whole step but its
     linear part, is computed once. Raises NativeUnsupported for a model without native code.
     """
-    step = _chosen(windows, lambda edges: interval(simulator, edges))
+    step = _chosen(windows, lambda edges: interval(simulator, edges, derived=True))
     moving, begin = directions
 
     def along(p, moving, begin, before, rows, used):

@@ -15,10 +15,10 @@ from plantfit.simulate.steps.vector import Scalars
 import jax
 import jax.numpy as jnp
 
-GUESSES = 3  # on a cubic, cheap
+GUESSES = 2  # on a cubic, cheap
 PLACES = 12  # that are tried with the stepper itself, at most; two are usual
-SETTLED = 1e-9  # of a step: what a correction may be, for it to be the last
-SETTLED_NEAR = 1e-11  # the same where NEAR tells whether a crossing has been
+SETTLED = 1e-8  # of a step: what a correction may be, for it to be the last
+SETTLED_NEAR = 1e-9  # the same where NEAR tells whether a crossing has been
 NEAR = 1e-9  # of a step's travel: the start of a step counts as on the surface
 
 Function = Callable[[Scalars, Scalars, Scalars], Any]
@@ -28,21 +28,21 @@ Function = Callable[[Scalars, Scalars, Scalars], Any]
 class Surface:
     """What may fall through zero within a step: `g(x, u, p, side)`, whatever `side` is for it.
 
-    `step(x, u0, u1, h, p)` moves the states, whose rates are `rate(x, u, p)`. A crossing is found when a correction of its share
-    of the step is at most `settled`; `by_time` as in `between`.
+    `step(x, u0, u1, h, p)` moves the states, `values` does so without derivatives; their rates are `rate(x, u, p)`. A crossing is found
+    when a correction of its share of the step is at most `settled`; `by_time` as in `between`.
     """
 
     step: Callable[..., Scalars]
+    values: Callable[..., Scalars]
     rate: Callable[..., Scalars]
     g: Callable[..., Any]
     varying: bool
     settled: float = SETTLED
     by_time: bool = False
 
-    def moved(self, share: Any, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any) -> tuple[Scalars, Scalars]:
-        """States and inputs at a share of the step."""
-        u = between(u0, u1, share, self.varying, self.by_time)
-        return self.step(x, u0, u, share * h, p), u
+    def at(self, share: Any, u0: Scalars, u1: Scalars) -> Scalars:
+        """The inputs at a share of the step."""
+        return between(u0, u1, share, self.varying, self.by_time)
 
     def slope(self, x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Any, side: Any) -> tuple[Any, Any]:
         """As the function `slope`."""
@@ -80,13 +80,13 @@ def fall(surface: Surface, x: Scalars, end: Scalars, u0: Scalars, u1: Scalars, h
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def arrived(surface: Surface, given: tuple[Any, ...], found: Fall) -> tuple[Any, Scalars]:
     """At which share of a step g falls through zero, and the states there; of `given` = (x, u0, u1, h, p, side) they have derivatives."""
-    *start, side = given
-    _, u0, u1, h, p = start
+    _, u0, u1, h, p, side = given
     moves = change(u0, u1, surface.varying)
 
     def corrected(search):
         tries, low, share, high, _, _ = search
-        x, u = surface.moved(share, *start)
+        u = surface.at(share, u0, u1)
+        x = surface.values(given[0], u0, u, share * h, p)
         value, climb = surface.slope(x, u, moves, h, p, side)
         low, high = jnp.where(value > 0.0, share, low), jnp.where(value > 0.0, high, share)
         newton = share - value / jnp.where(climb == 0.0, -1.0, climb)
@@ -111,11 +111,14 @@ def _(surface, primals, tangents):
     share, x = arrived(surface, given, found)
 
     def at(share, given):
-        x, u = surface.moved(share, *given[:-1])
-        return x, surface.g(x, u, *given[-2:])
+        x, u0, u1, h, p, side = given
+        u = surface.at(share, u0, u1)
+        x = surface.step(x, u0, u, share * h, p)
+        return x, surface.g(x, u, p, side)
 
-    (along, climb) = jax.jvp(lambda share: at(share, given), (share,), (jnp.ones_like(share),))[1]
-    (moved, residue) = jax.jvp(lambda given: at(share, given), (given,), (tangents[0],))[1]
+    along, climb = jax.jvp(lambda share: at(share, given), (share,), (jnp.ones_like(share),))[1]
+    # only what is linear may see the tangents, so that loops inside of a step can be transposed
+    moved, residue = jax.linearize(lambda given: at(share, given), given)[1](tangents[0])
     # the share moves against the residue
     by = -residue / jnp.where(climb == 0.0, -1.0, climb)
     return (share, x), (by, tuple(m + a * by for m, a in zip(moved, along, strict=True)))
@@ -148,10 +151,13 @@ def _root_of_cubic(g0, d0, g1, d1, on_surface):
     first, *others = (jnp.where(on_surface, low, high) for low, high in ((d0, g0), (b, d0), (c, b), (0.0, c)))  # a root at 0 divided out
     second, third, fourth = others
 
-    def better(_, s):
+    def better(s):
         value = first + s * (second + s * (third + s * fourth))
         climb = second + s * (2.0 * third + s * (3.0 * fourth))
         return jnp.clip(s - value / jnp.where(climb == 0.0, -1.0, climb), 0.0, 1.0)
 
     falls = first - g1
-    return jax.lax.fori_loop(0, GUESSES, better, jnp.clip(first / jnp.where(falls > 0.0, falls, 1.0), 0.0, 1.0))
+    share = jnp.clip(first / jnp.where(falls > 0.0, falls, 1.0), 0.0, 1.0)
+    for _ in range(GUESSES):
+        share = better(share)
+    return share

@@ -42,29 +42,27 @@ class Switching:
     quiet: Callable[..., tuple[Scalars, Any]]
 
     def __call__(self, rate, x, u0, u1, h, p, varying, pattern=None) -> Scalars:
-        return _switched(self, rate, varying, pattern, (x, u0, u1, h, p))
-
-
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2, 3))
-def _switched(step, rate, varying, pattern, given):
-    end, may = step.quiet(rate, *given, varying, pattern)
-    return jax.lax.cond(may, lambda given: step.values(rate, *given, varying, pattern), lambda _: end, given)
-
-
-@_switched.defjvp
-def _(step, rate, varying, pattern, primals, tangents):
-    def exact(given):
-        may = step.quiet(rate, *jax.lax.stop_gradient(given), varying, pattern)[1]
+        given = x, u0, u1, h, p
+        may = self.quiet(rate, *jax.lax.stop_gradient(given), varying, pattern)[1]
 
         def whole(*given):
-            return step.whole(rate, *given, varying, pattern)
+            return self.whole(rate, *given, varying, pattern)
 
         def plain(*given):
-            return step.quiet(rate, *given, varying, pattern)[0]
+            return self.quiet(rate, *given, varying, pattern)[0]
 
         return _either(may, whole, plain, *given)
 
-    return jax.jvp(exact, primals, tangents)
+    def valued(self, rate, x, u0, u1, h, p, varying, pattern=None) -> Scalars:
+        """The step for where no derivatives are taken: half as much to compile."""
+        given = x, u0, u1, h, p
+        end, may = self.quiet(rate, *given, varying, pattern)
+        return jax.lax.cond(may, lambda given: self.values(rate, *given, varying, pattern), lambda _: end, given)
+
+
+def values_of(step: Stepper) -> Stepper:
+    """A stepper for where no derivatives are taken."""
+    return step.valued if isinstance(step, Switching) else step
 
 
 def quiet_step(step: Stepper) -> Callable[..., tuple[Scalars, Any]]:
@@ -185,13 +183,17 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
     def stepper(derived, rate, x, u0, u1, h, p, varying, pattern=None):
         whole = jax.lax.stop_gradient(h)
 
+        def looked_at(x, u0, u1, h, p):
+            """A step without derivatives, which may be NaN where it does not count."""
+            return values_of(step)(rate, *jax.lax.stop_gradient((x, u0, u1, h, p)), varying, pattern)
+
         def stepped(x, u0, u1, h, p):
             return step(rate, x, u0, u1, h, p, varying, pattern)
 
         def surface(e):
             # the states need not be moved to see what depends on time alone
-            moved = (lambda x, *_: x) if e.timed else stepped
-            return Surface(moved, rate, _falling(e), varying, SETTLED_NEAR, by_time)
+            move, look = (_still, _still) if e.timed else (stepped, looked_at)
+            return Surface(move, look, rate, _falling(e), varying, SETTLED_NEAR, by_time)
 
         def near(h):
             """`NEAR` as a share of what is left of the step."""
@@ -225,14 +227,15 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
                 at = (*at[:-1], now)
                 by_clock = [chosen == k for k, e in enumerate(events) if e.timed]
                 if by_clock:
-                    here = (x, u0, at, first * h, p)
-                    there = jax.lax.cond(jnp.any(jnp.stack(by_clock)), lambda x, *_: stepped(*here), lambda there: there, there)
+                    here, move = (x, u0, at, first * h, p), stepped if derived else looked_at
+                    by = jnp.any(jnp.stack(by_clock))
+                    there = jax.lax.cond(by, lambda _, here=here, move=move: move(*here), lambda there: there, there)
                 for k, (event, m) in enumerate(zip(events, moments, strict=True)):
                     happening = chosen == k if m is None else m.passed & (m.time == now)
                     there = _where(happening, event.then(there, at, p), there)
                 left = (1.0 - first) * h
                 given = there, at, u1, left, p
-                end = _constant(stepped, *given)
+                end = looked_at(*given)
                 more = possible(rate, *jax.lax.stop_gradient((there, end, *given[1:])), varying, near(left))
                 return there, at, jnp.where(more, left, 0.0), _either(more, lambda *_: end, stepped, *given) if derived else end
 
@@ -242,7 +245,7 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
 
             return _either(happens & ~last, reset, ended, x, u0, h, end, first, there)
 
-        return _segments(segment, most, x, u0, h, _constant(stepped, x, u0, u1, h, p))[3]
+        return _segments(segment, most, x, u0, h, looked_at(x, u0, u1, h, p))[3]
 
     return Switching(_traced(partial(stepper, False)), _traced(partial(stepper, True)), _traced(quiet))
 
@@ -312,10 +315,13 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
         return reserve(rate)(end, u, given) <= 0.0
 
     def stepper(derived, rate, x, u0, u1, h, p, varying, pattern=None):
-        def stepped(x, u0, u1, h, given):
+        def stepped(x, u0, u1, h, given, step=step):
             return at_zero(given.fixed == 0.0, step(rubbed(rate), x, u0, u1, h, given, varying, None))
 
-        surface = Surface(stepped, rubbed(rate), reserve(rate), varying)
+        def looked_at(*given):
+            return stepped(*jax.lax.stop_gradient(given), step=values_of(step))
+
+        surface = Surface(stepped, looked_at, rubbed(rate), reserve(rate), varying)
 
         def segment(carry, last):
             x, u0, h, end, way = carry
@@ -326,7 +332,7 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
                 at, there, left = between(u0, u1, share, varying), at_zero(True, there), (1.0 - share) * h
                 later = Given(p, state(rate, there, at, p, way == 0.0))
                 given = there, at, u1, left, later
-                end = _constant(stepped, *given)
+                end = looked_at(*given)
                 more = possible(rate, *jax.lax.stop_gradient((end, u1 if varying else at, later)))
                 end = _either(more, lambda *_: end, stepped, *given) if derived else end
                 return there, at, jnp.where(more, left, 0.0), end, later.fixed
@@ -338,7 +344,7 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
             return _either(found.crossed & ~last, turned, ended, *carry)
 
         way = state(rate, x, u0, p)
-        return _segments(segment, most, x, u0, h, _constant(stepped, x, u0, u1, h, Given(p, way)), way)[3]
+        return _segments(segment, most, x, u0, h, looked_at(x, u0, u1, h, Given(p, way)), way)[3]
 
     return Switching(_traced(partial(stepper, False)), _traced(partial(stepper, True)), _traced(quiet))
 
@@ -376,12 +382,18 @@ def with_backlash(step: Stepper, play: Play) -> Stepper:
 
 def _traced(step: Callable[..., Any]) -> Callable[..., Any]:
     """A stepper that is traced once for each rate, however often it is called; what its rate needs of a step stands in `Given`."""
-    return jax.jit(step, static_argnums=(0, 6, 7))
+    once = jax.jit(step, static_argnums=(0, 6, 7))
+
+    def traced(rate, x, u0, u1, h, p, varying, pattern=None):
+        # numbers of Python are of a weak type, which would be another program
+        given = jax.tree.map(lambda v: jnp.asarray(v, dtype=float), (tuple(x), tuple(u0), tuple(u1), h, p))
+        return once(rate, *given, varying, pattern)
+
+    return traced
 
 
-def _constant(stepped, *given):
-    """A step to look at before it is known whether it counts: without derivatives, which may be NaN where it does not."""
-    return stepped(*jax.lax.stop_gradient(given))
+def _still(x, *_):
+    return x
 
 
 def _once(step: Stepper) -> Stepper:

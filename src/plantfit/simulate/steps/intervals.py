@@ -12,7 +12,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
 from plantfit.simulate.records.schedule import Knots
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steps.events import Switching
+from plantfit.simulate.steps.events import Switching, values_of
 
 import jax
 import jax.numpy as jnp
@@ -77,12 +77,12 @@ def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
     return step
 
 
-def interval(simulator: Simulator, edges: bool) -> Callable:
-    """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample.
+def interval(simulator: Simulator, edges: bool, *, derived: bool = False) -> Callable:
+    """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample; to be differentiated only when `derived`.
 
     `row` is one interval of a `Row`; `around` the `Knots` (E,) of every delayed channel, looked at only with `edges`.
     """
-    return _interval(simulator, edges, simulator.step, lambda x: x)
+    return _interval(simulator, edges, simulator.step if derived else values_of(simulator.step), lambda x: x)
 
 
 def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
@@ -220,7 +220,7 @@ def backwards_through(simulator: Simulator, edges: bool) -> Callable:
     """
     quiet, step = quiet_interval(simulator, edges), simulator.step
     if quiet is None:
-        return jax.jit(partial(_pulled, interval(simulator, edges)), inline=True)
+        return jax.jit(partial(_pulled, interval(simulator, edges, derived=True)), inline=True)
     # of one step it is known where something may have happened in it
     step = step.whole if simulator.parts == 1 else step
     whole = partial(_pulled, _interval(simulator, edges, step, lambda x: x))
@@ -249,7 +249,7 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     Residuals (C,) and slopes of the output, such pairs with a leading axis C, are given for every output. The derivatives of a step are
     pulled back from its few results, so that the work does not grow with the number of parameters but for one recursion.
     """
-    advance = interval(simulator, edges)
+    advance = interval(simulator, edges, derived=True)
 
     @partial(jax.jit, inline=True)
     def run(p, x, s, rows: Row, around):
