@@ -65,8 +65,10 @@ def baseline(records: Sequence[Data], orders: Sequence[int] = ORDERS) -> Baselin
 
 
 def without(records: Sequence[Data], fit: LinearFit, hidden: Sequence[np.ndarray]) -> LinearFit | None:
-    """The same order and dead times fitted without the hidden samples (n,) bool of each record."""
-    return fit_linear([replace(d, fitted=d.fitted & ~h) for d, h in zip(records, hidden, strict=True)], fit.order, fit.shifts)
+    """The same order and dead times fitted without the hidden samples (n,) bool of each record. Where its first sample is hidden a record
+    begins at rest: later ones do not tell initial states, which would run away back to it."""
+    kept = [replace(d, fitted=d.fitted & ~h, rested=bool(h[0])) for d, h in zip(records, hidden, strict=True)]
+    return fit_linear(kept, fit.order, fit.shifts, begin=fit)
 
 
 def _shifts(records: Sequence[Data]) -> tuple[int, ...]:

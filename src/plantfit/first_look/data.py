@@ -16,7 +16,8 @@ LOST = 0.2  # share of an input that may be missing
 class Data:
     """One recording: `inputs` (n, m) and one output `y` (n,), NaN where not measured, every `period` s; `fitted` and `unseen` (n,) bool.
 
-    `at` (k,) are times of the recording's own samples in s from its first, where its clock is uneven.
+    `at` (k,) are times of the recording's own samples in s from its first, where its clock is uneven. One that is `rested` begins as if it
+    had rested at its first measured output; others have initial states of their own.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Data:
     input_names: tuple[str, ...]
     output: str
     at: np.ndarray
+    rested: bool = False
 
 
 def data_of(recording: Recording, inputs: Sequence[str], output: str, fitted: np.ndarray | None = None,

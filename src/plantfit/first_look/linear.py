@@ -60,18 +60,21 @@ class LinearFit:
         return top / np.polyval(np.r_[1.0, self.f][::-1], q)
 
 
-def fit_linear(records: Sequence[Data], order: int, shifts: Sequence[int], steps: int = STEPS) -> LinearFit | None:
+def fit_linear(
+    records: Sequence[Data], order: int, shifts: Sequence[int], steps: int = STEPS, begin: LinearFit | None = None
+) -> LinearFit | None:
     """The output-error model of an order with given shifts (samples) that simulates the fitted samples best; None where none is found.
 
     All records share F, B and c. A record with fitted samples has initial states of its own; one without begins at its first measured
     output, as if it had rested there. F starts from ARX (least squares of the equation error) and Steiglitz and McBride (IEEE Trans.
     Automatic Control 10 (1965) 461); then damped Gauss-Newton over F, linear numbers solved for (Golub and Pereyra, SIAM J. Numerical
-    Analysis 10 (1973) 413).
+    Analysis 10 (1973) 413). With `begin` F starts from a fit of the same order to more of the samples, and stays stable where that one is:
+    a pole outside the unit circle would run away over samples that were left out.
     """
     shifts = tuple(int(s) for s in shifts)
     f, arx = np.zeros(order), None
-    best = _solved(records, f, shifts) if order == 0 else None
-    for turn in range(PASSES if order else 0):
+    best = _solved(records, f if begin is None else begin.f, shifts) if order == 0 or begin is not None else None
+    for turn in range(PASSES if order and begin is None else 0):
         f = _prefiltered(records, f, shifts)
         found = _solved(records, _inside(f), shifts)
         arx = found if turn == 0 else arx
@@ -91,7 +94,7 @@ def fit_linear(records: Sequence[Data], order: int, shifts: Sequence[int], steps
         for _ in range(8):
             move = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-300), right, rcond=None)[0][:order] / norms[:order]
             trial = _solved(records, best.f + move, shifts)
-            if trial is not None and trial.cost < best.cost:
+            if trial is not None and trial.cost < best.cost and (trial.stable or begin is None or not begin.stable):
                 damping = max(damping / 10.0, 1e-12)
                 break
             trial, damping = None, damping * 10.0
@@ -168,13 +171,15 @@ def _solved(records: Sequence[Data], f: np.ndarray, shifts: tuple[int, ...]) -> 
     if not all(np.all(np.isfinite(part)) for one in made for part in one):
         return None
     p, order = made[0][0].shape[1], len(f)
-    free = [bool(d.fitted.any()) for d in records]
+    free = [bool(d.fitted.any()) and not d.rested for d in records]
     starts = np.cumsum([0, *(order if own else 0 for own in free)])
     rows, right = [], []
     for k, (d, (shared, own, past)) in enumerate(zip(records, made, strict=True)):
-        if free[k]:
+        if d.fitted.any():
             block = np.zeros((len(d.y), p + starts[-1]))
-            block[:, :p], block[:, p + starts[k] : p + starts[k + 1]] = shared, own
+            block[:, :p] = shared
+            if free[k]:
+                block[:, p + starts[k] : p + starts[k + 1]] = own
             rows.append(block[d.fitted])
             right.append((d.y - past)[d.fitted])
     a = np.vstack(rows)
@@ -194,16 +199,19 @@ def _solved(records: Sequence[Data], f: np.ndarray, shifts: tuple[int, ...]) -> 
 def _slopes(records: Sequence[Data], fit: LinearFit) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives (k, .) of the simulated fitted samples by F and all linear numbers, and the errors (k,)."""
     rows, errors, order, down = [], [], fit.order, np.r_[1.0, fit.f]
-    free = [d for d in records if d.fitted.any()]
-    for k, d in enumerate(free):
+    used = [d for d in records if d.fitted.any()]
+    free = sum(not d.rested for d in used)
+    start = order + (order + 1) * len(fit.shifts) + 1
+    for d in used:
         y = fit.simulated[[id(r) for r in records].index(id(d))]
         first = float(d.y[np.isfinite(d.y)][0])
         slopes = [-scipy.signal.lfilter([1.0], down, np.r_[np.full(min(j, len(y)), first), y[: len(y) - j]]) for j in range(1, order + 1)]
         shared, own, _ = _columns(d, fit.f, fit.shifts)
-        block = np.zeros((len(y), order + shared.shape[1] + order * len(free)))
+        block = np.zeros((len(y), order + shared.shape[1] + order * free))
         block[:, :order], block[:, order : order + shared.shape[1]] = np.column_stack(slopes), shared
-        start = order + shared.shape[1] + order * k
-        block[:, start : start + order] = own
+        if not d.rested:
+            block[:, start : start + order] = own
+            start += order
         rows.append(block[d.fitted])
         errors.append((d.y - y)[d.fitted])
     return np.vstack(rows), np.concatenate(errors)
