@@ -33,6 +33,7 @@ from plantfit.report.text import columns
 from plantfit.spec.study import Study
 from plantfit.spec.tables import EstimateTable, validated
 from plantfit.spec.wished import table_in, wished
+from plantfit.units import compatible, convert
 
 if TYPE_CHECKING:
     import polars as pl
@@ -165,24 +166,40 @@ def estimate_table(problem: Problem, table: Mapping[str, Any] | None, wishes: Ma
 
 
 def known_truth(answer: Answer) -> dict[str, float]:
-    """Parameters that a virtual rig has left beside the recordings as NAME_truth.json, those whose names are the study's."""
+    """Parameters that a virtual rig has left beside the recordings, those whose names are the study's: of NAME.truth.json (`plantfit rig`)
+    in the study's units, of NAME_truth.json (`RigRun.save`) as they are."""
     file, problem = answer.problem.study_file, answer.problem
     path = file.path if file is not None else None
     if path is None and answer.spec is None:
         return {}
     table = validated(answer.spec, Path("study.toml")) if answer.spec else None
     folder = path.parent if path is not None else Path()
+    units = {c.name: c.unit for c in problem.space.coordinates if c.recording is None}
     found: dict[str, float] = {}
     for recording in table.recording.values() if table else ():
-        beside = folder / Path(recording.file).with_suffix("")
-        try:
-            said = json.loads(beside.with_name(f"{beside.name}_truth.json").read_text("utf-8"))
-        except (OSError, ValueError):
-            continue
-        own = said.get("parameters", said) if isinstance(said, dict) else {}
+        beside = folder / recording.file
+        stem = beside.name.removesuffix(".gz").rpartition(".")[0]
+        old = _read_truth(beside.with_name(f"{stem}_truth.json"))
+        own = old.get("parameters", old)
         if isinstance(own, dict):
-            found |= {n: float(v) for n, v in own.items() if n in problem.space.names and isinstance(v, int | float)}
+            found |= {n: float(v) for n, v in own.items() if n in units and isinstance(v, int | float)}
+        offered = _read_truth(beside.with_name(f"{stem}.truth.json"))
+        for kind in ("constants", "determined"):
+            own = offered.get(kind)
+            for name, said in own.items() if isinstance(own, dict) else ():
+                if name in units and isinstance(said, dict) and isinstance(said.get("value"), int | float):
+                    unit, given = units[name] or "1", said.get("unit") or "1"
+                    if compatible(given, unit):
+                        found[name] = float(convert(said["value"], given, unit))
     return found
+
+
+def _read_truth(file: Path) -> dict[str, Any]:
+    try:
+        said = json.loads(file.read_text("utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return said if isinstance(said, dict) else {}
 
 
 def _refuse(problem: Problem) -> None:

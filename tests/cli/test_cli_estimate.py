@@ -38,6 +38,25 @@ def bench(tmp_path_factory):
     return folder
 
 
+def test_the_truth_that_a_rig_leaves_is_read_in_the_units_of_the_study(bench, monkeypatch):
+    """Of a problem whose search is not run: only names, units and files count."""
+    from types import SimpleNamespace
+
+    from plantfit.estimators import known_truth
+    from plantfit.spec.reading import load
+
+    study = load(bench / "lag.toml")
+    answer = SimpleNamespace(problem=study.problem, spec=study.text)
+    assert known_truth(answer) == {}
+    (bench / "bench.truth.json").write_text(
+        '{"rig": "lag", "constants": {"tau": {"value": 500, "unit": "ms"}, "K": {"value": 2, "unit": "s"}, "other": 1}, "determined": []}'
+    )
+    assert known_truth(answer) == {"tau": 0.5}
+    (bench / "bench.truth.json").write_text("not JSON")
+    assert known_truth(answer) == {}
+    (bench / "bench.truth.json").unlink()
+
+
 def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
     monkeypatch.chdir(bench)
     said = call(capsys, monkeypatch, "estimate", "lag.toml", "--json", "--out", "page.html")
