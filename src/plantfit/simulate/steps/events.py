@@ -53,7 +53,9 @@ class Switching:
 
         return _either(may, whole, plain, *given)
 
-    def valued(self, rate, x, u0, u1, h, p, varying, pattern=None) -> Scalars:
+    def valued(
+        self, rate: Callable[..., Scalars], x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any, varying: bool, pattern: Any = None
+    ) -> Scalars:
         """The step for where no derivatives are taken: half as much to compile."""
         given = x, u0, u1, h, p
         end, may = self.quiet(rate, *given, varying, pattern)
