@@ -395,8 +395,12 @@ def _read(file: str) -> list[Named]:
     """The cases of a file that an earlier call has begun."""
     if not file or not Path(file).exists():
         return []
-    rows = json.loads(Path(file).read_text(encoding="utf-8"))
-    return [Named(**{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}) for row in rows]
+    rows: list[dict[str, Any]] = json.loads(Path(file).read_text(encoding="utf-8"))
+    made = []
+    for row in rows:
+        lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in row.items()}
+        made.append(Named(**lists))
+    return made
 
 
 def tell(one: Named) -> None:

@@ -4,6 +4,7 @@ import io
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_the_truth_that_a_rig_leaves_is_read_in_the_units_of_the_study(bench, mo
     from plantfit.spec.reading import load
 
     study = load(bench / "lag.toml")
-    answer = SimpleNamespace(problem=study.problem, spec=study.text)
+    answer: Any = SimpleNamespace(problem=study.problem, spec=study.text)
     assert known_truth(answer) == {}
     (bench / "bench.truth.json").write_text(
         '{"rig": "lag", "constants": {"tau": {"value": 500, "unit": "ms"}, "K": {"value": 2, "unit": "s"}, "other": 1}, "determined": []}'

@@ -114,6 +114,8 @@ def test_estimates_that_differ_are_told_and_those_that_do_not_are_not():
         k = 3.0 if p.first == "EKF" else 2.1
         chi = (k - (2.1 if p.second == "maximum likelihood" else 2.0)) ** 2 / 0.02
         assert p.p == pytest.approx(np.exp(-chi / 2), rel=1e-6)
+        assert p.p is not None
+        assert p.p_adjusted is not None
         assert p.p_adjusted >= p.p
     assert "EKF differs from least squares by more than chance" in pairs[1].sentence
     held = known(9.0)[0], {"K": (None, None), "tau": (0.4, 0.6)}  # a value that the data leave open is not compared

@@ -59,7 +59,7 @@ def test_a_maker_is_told_of_a_key_and_a_value_that_the_record_does_not_know():
     own = two_models().pairs[0].plain()
     assert ModelPair(**own).plain() == own
     with pytest.raises(ValidationError, match="mood"):
-        ModelPair(**own, mood="good")
+        ModelPair(**{**own, "mood": "good"})
     with pytest.raises(ValidationError, match="over"):
         ModelPair(**{**own, "over": "luck"})
     with pytest.raises(ValidationError, match="frozen"):

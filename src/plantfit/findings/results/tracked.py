@@ -29,8 +29,8 @@ class RaisedAlarm(Record):
 class Tracked(Printed):
     """What `plantfit track --json` prints."""
 
-    study: int
-    """Number in the store."""
+    study: int | None
+    """Number in the store; None where none was kept."""
     samples: int
     looks: int
     false_alarm: float

@@ -51,7 +51,7 @@ def track(
     written = {} if place is None else {"rows": place}
     if json:
         alarms = [RaisedAlarm(**{**vars(a), "alike": list(a.alike)}, sentence=a.sentence) for a in tracker.alarms]
-        end = tracker.rows[-1] if tracker.rows else None
+        end = dict[str, float | None](tracker.rows[-1]) if tracker.rows else None
         made = Tracked(
             study=numbers[given], samples=tracker.samples, looks=tracker.changes.looks, false_alarm=false_alarm, alarms=alarms, end=end,
             sentence=tracker.sentence, written=written,
