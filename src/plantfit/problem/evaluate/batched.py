@@ -157,11 +157,17 @@ class BatchedRecords:
             found, pull = jax.vjp(costs, z)
             return found, pull(jnp.ones_like(found))[0]
 
+        def pushed(z):
+            r, slopes = self.residuals_and_jacobian(z, numbers)
+            return r @ r / self.count, 2.0 / self.count * (r @ slopes)
+
         def both(z):
             whole = self.whole
             if whole is not None:
                 with contextlib.suppress(NativeUnsupported):
                     return pulled(lambda z: self._of_whole_records(whole, z, numbers), z)
+            if self.simulator.vector.model.frictions and self.simulator.vector.model.events:
+                return jax.lax.map(pushed, z)  # jax has no reverse mode for steps of the one within steps of the other
             return pulled(jax.vmap(lambda z: self.cost(z, numbers, reverse=True)), z)
 
         return _in_groups(both, zs, WIDE_GRADIENTS)
