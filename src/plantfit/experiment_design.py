@@ -81,6 +81,7 @@ class ExperimentDesign:
             criterion="difference" if isinstance(self.goal, Difference) else "A" if one.criterion == "A" else "D",
             chosen=[trial.problem.space.names[i] for i in np.flatnonzero(one.chosen)] if not np.all(one.chosen) else [],
             plants=len(trial.plants),
+            scatters=[r["name"] for r in self.answer.findings["parameters"] if r.get("scatter")] if len(trial.plants) > 1 else [],
             noise=dict(trial.noise),
             inflation=one.inflation,
             kind=self.found.best.kind,

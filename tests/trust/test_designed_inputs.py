@@ -12,6 +12,7 @@ import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.trust.experiment.criteria import Precision
+from plantfit.trust.experiment.told import precision_sentences
 
 RATE = 0.1  # s
 ONE = {"u": "1", "y": "1"}
@@ -252,3 +253,11 @@ def test_regressions_have_no_input(static):
     answer = pf.fit(pf.Problem(regression, record, {p.name: (-5.0, 5.0) for p in regression.parameters}), seed=1)
     with pytest.raises(ModelError, match="no inputs over time"):
         pf.design(answer)
+
+
+def test_a_design_for_plants_that_scatter_says_so_and_others_do_not(static):
+    made = pf.design(static, inputs={"u": (-1, 1)}, duration=60, alone=True, seed=1, budget=100, draws=5).typed
+    assert made.scatters == []
+    assert not any("scatter" in s.sentence for s in made.verdict)
+    said = [s["sentence"] for s in precision_sentences(made.model_copy(update={"scatters": ["a", "b"]}))]
+    assert "Recordings scatter in a and b: the input serves 6 plants as another recording may find them." in said

@@ -77,6 +77,8 @@ class NextExperiment(Printed):
     """Parameters that shall become certain; empty for all."""
     plants: int
     """That the input has to serve."""
+    scatters: list[str] = []
+    """Parameters that scatter between recordings: these plants are those of another recording."""
     noise: dict[str, float]
     """Standard deviation by output."""
     inflation: float

@@ -1,5 +1,6 @@
 """What the functions beside `fit` give: a record with attributes, the same as JSON types, and its sentences."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -10,7 +11,7 @@ Found = TypeVar("Found", bound=Printed)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Result(Generic[Found]):
+class Result(ABC, Generic[Found]):
     """`typed` has all figures as attributes, `record` the same as JSON types (docs: reference/results.md)."""
 
     typed: Found
@@ -25,9 +26,9 @@ class Result(Generic[Found]):
         """The sentences as lines of text."""
         return "\n".join(f"{v.level:>8}: {v.sentence}" for v in self.typed.verdict)  # type: ignore[attr-defined]  (every one has it)
 
+    @abstractmethod
     def table(self) -> str:
         """The figures as text."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.verdict}"

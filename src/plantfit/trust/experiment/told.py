@@ -81,7 +81,7 @@ def _beside(record: NextExperiment, words: str) -> list[Sentence]:
 
 
 def _common(record: NextExperiment) -> list[Sentence]:
-    return [*_beyond(record), *_coloured(record)]
+    return [*_beyond(record), *_coloured(record), *_scattering(record)]
 
 
 def _beyond(record: NextExperiment) -> list[Sentence]:
@@ -97,6 +97,13 @@ def _beyond(record: NextExperiment) -> list[Sentence]:
             )
             found.append(say("warning", sentence))
     return found
+
+
+def _scattering(record: NextExperiment) -> list[Sentence]:
+    if not record.scatters:
+        return []
+    text = f"Recordings scatter in {some(record.scatters)}: the input serves {record.plants} plants as another recording may find them."
+    return [say("info", text)]
 
 
 def _coloured(record: NextExperiment) -> list[Sentence]:

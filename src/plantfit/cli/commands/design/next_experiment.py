@@ -90,6 +90,8 @@ def _progress(say: Callable[[str], None] | None) -> Callable[[int, int, float], 
 
     def tell(tried: int, budget: int, cost: float) -> None:
         if tried % 20 == 0:
+            if tried > budget:  # classical shapes are tried whatever was asked for
+                return say(f"{tried} inputs tried; the classical shapes alone are more than the {budget} asked for")
             left = (time.monotonic() - began) * max(0.0, budget / tried - 1.0)
             say(f"{tried} of {budget} inputs tried, at most {left:.0f} s left")
 
