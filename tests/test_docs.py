@@ -40,6 +40,13 @@ def test_pages_ask_nothing_of_the_net(site):
         assert not re.findall(r'<(?:script|link|img|iframe)[^>]+(?:src|href)="(?:https?:)?//[^"]+', page.read_text("utf-8")), page.name
 
 
+def test_printed_lines_wrap_and_lines_of_python_do_not(site):
+    """site.css wraps what has the class of text; without these classes sentences were cut at the edge of the page."""
+    assert ".language-text code { white-space: pre-wrap; }" in (site / "site.css").read_text("utf-8")
+    assert 'class="language-text highlight"' in (site / "real-machines.html").read_text("utf-8")
+    assert 'class="language-python highlight"' in (site / "notebooks" / "dc_motor.html").read_text("utf-8")
+
+
 def test_every_addition_and_look_has_a_picture(site):
     """Of looks those at a signal or the clock; others are about bounds."""
     page, table = (site / "what-it-looks-like.html").read_text("utf-8"), (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
