@@ -66,7 +66,8 @@ def test_found_again_without_tracing_with_the_same_bits(folder):
     read = kept(second)
     found = read(z, numbers)
     assert (first.traced, second.traced) == (1, 0)
-    assert made[0].tobytes() == found[0].tobytes() and made[1]["square"].tobytes() == found[1]["square"].tobytes()
+    assert made[0].tobytes() == found[0].tobytes()
+    assert made[1]["square"].tobytes() == found[1]["square"].tobytes()
     read(z, numbers)
     read(np.array([0.1, 0.2]), numbers)
     assert second.traced == 0
@@ -135,7 +136,8 @@ def test_all_that_is_compiled_in_is_in_the_description_of_a_problem():
         problem().with_scales({"y": 3.0}),
     ]
     found = [p._description for p in own]
-    assert None not in found and len(set(found)) == len(found)
+    assert None not in found
+    assert len(set(found)) == len(found)
     assert problem()._description == found[0]
 
 
@@ -177,7 +179,8 @@ print(len(made), np.asarray(p.costs(z[None, :])).tobytes().hex(), len(made))
         for _ in range(2)
     ]
     (none, bits, traced), (_, again, of_second) = (t.stdout.split() for t in told)
-    assert (none, traced, of_second) == ("0", "1", "0") and bits == again
+    assert (none, traced, of_second) == ("0", "1", "0")
+    assert bits == again
 
 
 def test_old_programs_make_room(tmp_path, monkeypatch):

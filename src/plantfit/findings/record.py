@@ -83,9 +83,9 @@ def _attribute_docstrings(cls: type) -> dict[str, str]:
     for own in reversed([c for c in cls.__mro__ if issubclass(c, Record)]):
         body = cast(ast.ClassDef, ast.parse(dedent(inspect.getsource(own))).body[0]).body
         for field, text in pairwise(body):
-            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
-                if isinstance(text.value, ast.Constant) and isinstance(text.value.value, str):
-                    found[field.target.id] = inspect.cleandoc(text.value.value)
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                    found[name] = inspect.cleandoc(words)
     return found
 
 

@@ -16,11 +16,12 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import plantfit
-import plantfit.runtime  # noqa: F401
+import plantfit.runtime
 from plantfit.folders import code_folder
 from plantfit.native.compile.compilation import read_object, write_object
 from plantfit.native.compile.processor import available, host
@@ -28,6 +29,7 @@ from plantfit.native.primitive import libm_of, register_kept
 
 # isort: split
 import jax
+from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 MOST_FILES = 2000  # of kept programs; beyond it the half that was not used for longest goes
@@ -52,7 +54,7 @@ class _Describer(pickle.Pickler):
 
 
 def described(thing: Any) -> bytes | None:
-    """A digest of all that `thing`, which can be pickled, consists of, and of the program text and processor here; None where it has none."""
+    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none."""
     file = io.BytesIO()
     try:
         _Describer(file, protocol=5).dump(thing)
@@ -84,10 +86,8 @@ def _sources() -> bytes:
 @cache
 def _machine() -> bytes:
     """What XLA's executables depend on beside their text: versions, processor and flags."""
-    import jaxlib
-
     own = host() if available() else None
-    return repr((sys.version, jax.__version__, jaxlib.__version__, own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")))).encode()
+    return repr((sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")))).encode()
 
 
 class Kept:
@@ -107,7 +107,7 @@ class Kept:
             if program is not None:
                 return program(*args)
         leaves, tree = jax.tree.flatten(args)
-        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._plain(*args)
         shapes = tree, tuple([_kind(leaf) for leaf in leaves])
         program = self._programs.get(shapes)

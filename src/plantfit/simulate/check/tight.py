@@ -17,8 +17,8 @@ import numpy as np
 import scipy  # scipy.integrate is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.check.modes import Modes
 from plantfit.native.kept_programs import Kept, described
+from plantfit.simulate.check.modes import Modes
 from plantfit.simulate.simulator import Drive, Simulator
 
 import jax
