@@ -81,14 +81,15 @@ def _bounded():
     return _problem(model, np.arange(200) * 1.0, {"x": x}, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.0, 10.0))})
 
 
-def _first_order(kind, n=300, dead_time=False):
+def _first_order(kind, n=300, dead_time=False, initial="measured"):
     def make():
         from plantfit.models.library import catalogue as library
 
         t = np.arange(n) * 0.1
         u = {"step": np.ones(n), "prbs": _prbs(n, 20, 5), "four": np.repeat([0.2, 0.5, 0.35, 0.8], n // 4 + 1)[:n]}[kind]
-        model = library.make("first_order", dead_time=dead_time)
+        model = library.make("first_order", dead_time=dead_time, initial=initial)
         bounds = {"K": (-50.0, 50.0), "tau": (0.05, 200.0), "c": (-50.0, 50.0)} | ({"L": (0.0, 3.0)} if dead_time else {})
+        bounds |= {"y0": (-50.0, 50.0)} if initial == "free" else {}
         return _problem(model, t, {"u": u}, bounds)
 
     return make
@@ -135,6 +136,11 @@ RIGS = {
     "PRBS, 100 samples": Rig(_first_order("prbs", 100), PROCESS, ("K", "tau", "c"), 0.02, 0.5),
     "PRBS, correlation 0.97": Rig(_first_order("prbs", 600), PROCESS, (), 0.05, 0.97),
     "four steps, dead time": Rig(_first_order("four", 400, True), PROCESS | {"L": 0.73}, ("K", "tau", "c", "L"), 0.01),
+    "one step, free start": Rig(_first_order("step", initial="free"), PROCESS | {"y0": 0.0}, ("tau",), 0.02),
+    "PRBS, free start": Rig(_first_order("prbs", initial="free"), PROCESS | {"y0": 0.0}, ("K", "tau", "c"), 0.02),
+    "four steps, dead time, free start": Rig(
+        _first_order("four", 400, True, "free"), PROCESS | {"L": 0.73, "y0": 0.0}, ("K", "tau", "c", "L"), 0.01
+    ),
     "motor by speed": Rig(_motor, MOTOR, (), 0.5),
     "paper: pendubot, torque": _paper(paper_rigs.PENDUBOT_TORQUE, paper_rigs.TORQUE, ()),
     "paper: motor, speed": _paper(paper_rigs.MOTOR_SPEED, paper_rigs.BOARD, ()),

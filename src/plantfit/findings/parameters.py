@@ -115,6 +115,8 @@ class FirstValues(Record):
 
     parameter: str
     factor: float
+    option: str | None = None
+    """What makes the initial values parameters in the model's options; None for models without such an option."""
 
 
 class Determined(Record):
