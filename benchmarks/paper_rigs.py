@@ -4,7 +4,7 @@ A record is made anew for each seed by the virtual rig, with all faults of its s
 """
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,13 +22,14 @@ EVALUATIONS = 3000  # of the search on the first record, whose final problem has
 class Demo:
     """A study `file` of the demo `case`; `write(seed, folder)` puts the record that it reads there.
 
-    `alike`: records of all seeds have the same samples, so that their fits share compiled functions.
+    `made(seed)` gives the recordings where the study file only reads them, which is quicker. `alike`: records of all seeds have the same samples, so that their fits share compiled functions.
     """
 
     case: str
     file: str
     write: Callable[[int, Path], object]
     alike: bool = True
+    made: "Callable[[int], Mapping[str, Recording]] | None" = None
 
     @cached_property
     def folder(self) -> Path:
@@ -60,6 +61,8 @@ class Demo:
         from plantfit.spec.recordings import read_recording
         from plantfit.stages import prepare
 
+        if self.made is not None:
+            return base.with_recordings(self.made(seed))
         self.write(seed, self.folder)
         if not self.alike:
             return prepare(load(self.folder / self.file).problem).problem.with_scales(base.scales)
@@ -71,6 +74,13 @@ def torque(seed: int, folder: Path) -> None:
     from plantfit.cases.pendubot.torque import torque_record, write_record
 
     write_record(torque_record(seed), folder)
+
+
+def torque_alone(seed: int) -> "Mapping[str, Recording]":
+    """The same without a file."""
+    from plantfit.cases.pendubot.torque import torque_record
+
+    return {"torque": torque_record(seed).recording}
 
 
 def board(seed: int, folder: Path) -> None:
@@ -93,7 +103,7 @@ BOARD = {"Rm": 2.826, "Lm": 0.0452, "Kb": 0.0926, "Jm": 0.0023, "Cm": 0.0023, "T
 ROBOT = {"Ra": 2.759854243587, "La": 0.011186575703, "kw": 0.005008705, "B": 1.13284e-06, "J": 2.2748e-08}
 STEAM = {"k": 0.43, "A1": 31.0, "A2": 12.0, "Td": 0.2 + 0.6 * (60.0 / 90.0) ** 1.5}  # a chamber of constants, about that of 40 %
 
-PENDUBOT_TORQUE = Demo("pendubot", "torque.toml", torque)
+PENDUBOT_TORQUE = Demo("pendubot", "torque.toml", torque, made=torque_alone)
 MOTOR_SPEED = Demo("motor", "speed.toml", board)
 MOTOR_CURRENT = Demo("motor", "current.toml", board)
 ROBOT_MOTOR = Demo("robot", "motor.toml", robot, alike=False)
