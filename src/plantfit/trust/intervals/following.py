@@ -10,16 +10,25 @@ from plantfit.trust.intervals.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
+OTHERS, APART = 4, 0.05  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
 FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 
 
-def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: float) -> Mapping[int, Range]:
-    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each."""
+def followed_ranges(
+    problem: Problem, z: np.ndarray, linear: Linear, spent: float, others: Sequence[np.ndarray] = ()
+) -> Mapping[int, Range]:
+    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each.
+
+    `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that noise may have
+    chosen between the two, the ranges hold both, however high the cost between them.
+    """
     d = len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
     found = {i: walk.range(i) for i in range(d)}
     seen: set[int] = set()
+    for end in _far_apart([z, *others], OTHERS + 1)[1:]:
+        _hold(walk, found, end)
     while True:
         _joined(problem, walk, found)
         open_ones = [i for i in found if not walk.narrow(i, found[i])]
@@ -36,6 +45,21 @@ def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: floa
         for i in sorted(set(found) - set(open_ones)):
             walk.look_beyond(i, found[i], _starts([walk.z, *(z for own in found.values() for z in own.points)], i))
     return found
+
+
+def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
+    """Widen the ranges to another end of a search that costs as little, and follow them from there."""
+    if np.max(np.abs(end - walk.z)) <= APART:
+        return
+    place = walk.elsewhere(end)
+    if place is None:
+        return
+    for i, own in found.items():
+        if walk.growths[place.tobytes()] <= walk.linear.threshold[i]:
+            own.points.append(place)
+    _joined(walk.problem, walk, found)
+    for i, own in found.items():  # a value may be the same there, and go elsewhere from there
+        walk.go_on(i, own, [place])
 
 
 def _starts(met: Sequence[np.ndarray], i: int) -> list[np.ndarray]:
