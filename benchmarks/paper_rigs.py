@@ -22,7 +22,8 @@ EVALUATIONS = 3000  # of the search on the first record, whose final problem has
 class Demo:
     """A study `file` of the demo `case`; `write(seed, folder)` puts the record that it reads there.
 
-    `made(seed)` gives the recordings where the study file only reads them, which is quicker. `alike`: records of all seeds have the same samples, so that their fits share compiled functions.
+    `made(seed)` gives the recordings where the study file only reads them, which is quicker. `alike`: records of all seeds have the same
+    samples, so that their fits share compiled functions.
     """
 
     case: str
@@ -120,9 +121,7 @@ class Steam:
         """Without errors of instruments, which no noise shows and `[uncertainty]` states."""
         from plantfit.rig.steam_chamber import NODES, SteamChamberRig
 
-        return SteamChamberRig(
-            truth=lambda opening: {n: v if n == "Td" else [v] * len(NODES) for n, v in STEAM.items()}, errors=False
-        )
+        return SteamChamberRig(truth=lambda opening: {n: v if n == "Td" else [v] * len(NODES) for n, v in STEAM.items()}, errors=False)
 
     def problem(self) -> "Problem":
         """The task on the record of seed 0."""

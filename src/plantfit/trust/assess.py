@@ -218,7 +218,9 @@ def _run(problem: Problem, r: RunResult) -> Run:
         parameters=named(problem, r.x),
         searched=named(problem, r.extra["searched"]) if "searched" in r.extra else {},
         history=History(evaluations=np.asarray(r.history_evaluations).tolist(), cost=_listed(r.history_cost)),
-        extra={k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere", "nearly")},
+        extra={
+            k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere", "nearly")
+        },
     )
 
 

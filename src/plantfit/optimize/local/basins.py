@@ -27,7 +27,9 @@ class Basins:
 
     def __init__(self, extra: dict[str, Any], relative: float = 1e-6, floor: float = 1e-20):
         self.extra, self.relative, self.floor = extra, relative, floor
-        self.extra.update(starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[], nearly=[])
+        self.extra.update(
+            starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[], nearly=[]
+        )
         self._independent: list[float] = []
         self._ends: list[tuple[float, np.ndarray]] = []
         self._cut: list[float] = []

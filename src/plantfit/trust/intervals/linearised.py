@@ -30,7 +30,8 @@ class Local:
     their covariance takes the box as prior.
     `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
     residual depends on it at all. `unboxed` (d,), where there is no `linear`: standard errors with no other prior than a smoothing,
-    so that statuses do not depend on where was searched; 0 where a physical limit holds a value. `robust`: whether the covariance allows for residuals that are correlated in time.
+    so that statuses do not depend on where was searched; 0 where a physical limit holds a value. `robust`: whether the covariance
+    allows for residuals that are correlated in time.
     """
 
     values: np.ndarray
