@@ -105,7 +105,7 @@ def test_nine_of_ten_by_the_equations_of_motion_alone(raw):
     for r in raw.values():
         t = np.arange(r.t[0], r.t[-1], 0.002)
         motion = [savgol_filter(np.interp(t, r.t, r[f"theta{j}"]), 51, 4, deriv=d, delta=0.002) for d in (0, 1, 2) for j in (1, 2)]
-        blocks.append(np.stack([_published_torque(*motion, {n: float(n == m) for n in names}) for m in names], axis=1))
+        blocks.append(np.stack([_published_torque(motion, {n: float(n == m) for n in names}) for m in names], axis=1))
     columns = np.vstack(blocks)
     columns = columns / (norms := np.linalg.norm(columns, axis=0))
     _, singular, right = np.linalg.svd(columns, full_matrices=False)
@@ -115,8 +115,12 @@ def test_nine_of_ten_by_the_equations_of_motion_alone(raw):
     np.testing.assert_allclose(flat / flat[2], [-(0.2**2), 0, 1, 0, -0.2, 0, 0, 0, 0, 0], atol=1e-9)
 
 
-def _published_torque(q1, q2, w1, w2, a1, a2, p):
-    """Torques (2 n,): two links hanging at 0, l1 = 0.2 m, drives of inertia Ir behind a gear of 6:1, friction b w + cf atan(100 w)."""
+def _published_torque(motion, p):
+    """Torques (2 n,) by angles, rates and accelerations (n,) of both joints.
+
+    Two links hanging at 0, l1 = 0.2 m, drives of inertia Ir behind a gear of 6:1, friction b w + cf atan(100 w).
+    """
+    q1, q2, w1, w2, a1, a2 = motion
     h, g, gear = 0.2 * p["m2r2"], 9.81, 6.0
     m11 = p["I1"] + p["I2"] + 0.04 * p["m2"] + 2 * h * np.cos(q2) + (gear**2 + 1) * p["Ir"]
     m12 = p["I2"] + h * np.cos(q2) - gear * p["Ir"]
