@@ -61,3 +61,29 @@ def test_a_fit_tells_both_signs():
     told = {p["name"]: p for p in pf.fit(bowl(0.1), seed=1).findings["parameters"]}["a"]
     assert told["status"] == "determined"
     assert 1.15 < told["low"] < 1.2 < told["high"] < 1.25
+
+
+def test_one_model_written_twice_opens_nothing():
+    """Two exchanged terms, alone and beside a parameter that nothing shows: both are told by the answer's own names."""
+    for extra in ("", " + 0*d*x"):
+        model = equations(
+            f"y = exp(-p*x) + exp(-q*x) + 0.05*(p + q)*x{extra}",
+            inputs=["x"],
+            outputs=["y"],
+            parameters={n: {"bounds": (0.05, 8.0)} for n in ("p", "q", *("d" if extra else ()))},
+        )
+        y = np.exp(-0.3 * X) + np.exp(-3.0 * X) + 0.165 * X + 0.01 * np.random.default_rng(1).normal(size=len(X))
+        problem = Problem(model, Recording(np.arange(150.0), {"x": Signal(X), "y": Signal(y)}))
+        names = problem.space.names
+        z = descent(problem, problem.space.cube(problem.space.vector(dict.fromkeys(names, 2.0) | {"p": 0.5}))).z
+        other = z.copy()
+        other[[names.index("p"), names.index("q")]] = z[[names.index("q"), names.index("p")]]
+        if extra:
+            other[names.index("d")] = 0.9
+        local = linearise(problem, z)
+        assert local.linear is not None
+        ranges = followed_ranges(problem, z, local.linear, 0.0, [other])
+        for name, true in (("p", 0.3), ("q", 3.0)):
+            own = ranges[names.index(name)]
+            assert 0.7 * true < own.low < true * 1.05
+            assert true * 0.95 < own.high < 1.4 * true
