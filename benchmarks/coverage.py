@@ -149,7 +149,7 @@ RIGS = {
     "paper: motor, speed and current": _paper(paper_rigs.MOTOR_CURRENT, paper_rigs.BOARD, ("Rm", "Lm", "Kb", "Jm", "Cm")),
     "paper: robot's motor": _paper(paper_rigs.ROBOT_MOTOR, paper_rigs.ROBOT, ("Ra", "La", "kw", "B", "J")),
     "paper: steam, one step": _paper(
-        paper_rigs.STEAM_STEP, {f"{n}[opening]": v for n, v in paper_rigs.STEAM.items()}, ("k[opening]", "A1[opening]", "A2[opening]")
+        paper_rigs.STEAM_STEP, {f"{n}[opening]": v for n, v in paper_rigs.STEAM.items()}, ("k[opening]", "A1[opening]")
     ),
 }
 
