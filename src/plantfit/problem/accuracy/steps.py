@@ -14,7 +14,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
-from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
+from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import ADAPTIVE, Drive, Simulator
@@ -27,6 +27,8 @@ FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
+LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
+SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
 LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
@@ -98,11 +100,18 @@ def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], f
     return even if short else _adaptive(problem, error, z, small)
 
 
-def _adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float) -> Problem:
-    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for."""
+def _adaptive(
+    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, first: int = 1, most: int = FINEST
+) -> Problem:
+    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first` fineness on."""
     own = problem.predictor.stepping()
     problem = problem.with_mesh({}) if problem.mesh else problem
-    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, 1, own.interpolated)), error, z, small, FINEST)
+    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, first, own.interpolated)), error, z, small, most)
+
+
+def _long(problem: Problem) -> bool:
+    """Whether a mesh is so long that adaptive steps, whose order is higher, are fewer."""
+    return bool(problem.mesh) and _can_adapt(problem) and problem.steps_a_sample > LONG_MESH
 
 
 def _can_adapt(problem: Problem) -> bool:
@@ -188,13 +197,14 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
         if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
-    return mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    made = mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    return _adaptive(problem, _scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
     """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, where a mesh can be made.
 
-    For what is simulated at given values; a search keeps the steps that serve all its candidates.
+    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what is simulated at given values; a search keeps the steps that serve all its candidates.
     """
     if problem.substeps_chosen or not can_mesh(problem):
         return problem
@@ -205,9 +215,25 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
             return problem
         if _many(problem, error, MESH):
             return _adaptive(problem, _step_error, z[None, :], MESH)
-    if max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4)) <= MESH:
+    even = max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4))
+    if even <= MESH and _largest_error(problem, z, spreads) <= 2.0 * MESH:
         return problem
-    return mesh_at(problem, z[None, :], spreads, MESH)
+    made, tolerance = problem, MESH
+    for _ in range(ROUNDS):  # the error may stand in a few samples: after a peak that steps are late at
+        made = mesh_at(problem, z[None, :], spreads, tolerance)
+        if _long(made):
+            return _adaptive(problem, _largest_step_error, z[None, :], 2.0 * MESH, SENSITIVE, MOST_FINE)
+        worst = _largest_error(made, z, spreads)
+        if not worst > 2.0 * MESH:
+            break
+        tolerance *= max(1.6 * MESH / worst, 0.1)
+    return made
+
+
+def _largest_error(problem: Problem, z: np.ndarray, spreads: dict[str, float]) -> float:
+    """The largest step error of a measured sample, as a share of the spread of its output."""
+    found = [effects(problem, z[None, :], name, spreads)[0].error for name in problem.whole_drives]
+    return float(np.max(np.abs(np.concatenate(found)), initial=0.0))
 
 
 def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
@@ -224,9 +250,10 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
         small = max(share * rms, 0.1 * least(problem))
         if not problem.mesh and _many(problem, _scaled_error(problem, z), small):
             return _adaptive(problem, _scaled_error, z[None, :], small)
-        return mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
+        made = mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
+        return _adaptive(problem, _scaled_error, z[None, :], small, SENSITIVE, MOST_FINE) if _long(made) else made
     simulator = problem.predictor.stepping()
-    more = 4 * simulator.substeps <= FINEST**2 if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
+    more = 4 * simulator.substeps <= MOST_FINE if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
     return problem.with_simulator(simulator.refined(4)) if more else None
 
 
@@ -248,13 +275,22 @@ def _scaled_error(problem: Problem, z: np.ndarray) -> float:
 
 
 def _step_error(problem: Problem, z: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(_shares(problem, z) ** 2)))
+
+
+def _largest_step_error(problem: Problem, z: np.ndarray) -> float:
+    return float(np.max(np.abs(_shares(problem, z))))
+
+
+def _shares(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Step errors (m,) as shares of the spread of each output."""
     spread = [
         np.full(len(y), _spread(y, problem.scales[output]) / problem.scales[output])
         for name in problem.data["drive"]
         for output in problem.outputs
         if len(y := problem.data["measured"][name][output])
     ]
-    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
+    return step_errors(problem, z) / np.concatenate(spread)
 
 
 def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:

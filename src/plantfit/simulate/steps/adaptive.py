@@ -31,7 +31,7 @@ Stepper = Callable[..., tuple[Any, ...]]
 
 TOLERANCE = 0.1  # error of a step as a share of the state, at fineness 1
 FINEST = 1000  # 1e-10 of the state
-LEVELS, WIDTH = 3, 16  # at most 16^3 trials in an interval
+LEVELS, WIDTH = 3, 20  # at most 20^3 trials in an interval
 SHORT, LOST = 1e-15, 2.0  # of the interval: a step that is none, and where a state counts as done that has met a pole
 SOON = 0.01  # of the interval, for which a state that began at zero is taken to grow as it does now
 APART, STEEPEST = 0.01, 50.0  # eigenvalues of Z this far apart and up to this are taken by their exponentials
@@ -48,7 +48,7 @@ def tolerance(fineness: int) -> float:
 def adaptive(fineness: int) -> Stepper:
     """A stepper (see `steppers`) that divides the interval it is given as the error of each part asks for.
 
-    States are NaN where an interval takes more than 4096 trials.
+    States are NaN where an interval takes more than 8000 trials.
     """
     allowed = tolerance(fineness)
 
@@ -69,7 +69,7 @@ def adaptive(fineness: int) -> Stepper:
             )
             worst, strained = jnp.zeros(()), False
             for e, s, larger, b in zip(errors, size, soon, bent, strict=True):
-                share = jax.lax.stop_gradient(e) / (allowed * jnp.maximum(larger, 1e-300))
+                share = jax.lax.stop_gradient(e) / jnp.maximum(allowed * larger, 1e-300)
                 strained |= b & (share > SEEN) & (larger <= s)  # what begins at zero is bent at first, as a power of time
                 worst = jnp.where((share > worst) | jnp.isnan(share), share, worst)
             # nothing comes after a state that is not finite, or that no step leads away from: a pole
