@@ -27,6 +27,7 @@ FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
+FALSE = 0.1  # of a cost, from which on a mesh is said to give a false one
 LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
 SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
 LONG = 16  # equal steps a sample that take as long as adaptive ones
@@ -57,7 +58,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
-    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _even_or_adaptive(problem, _step_error, z, COARSE)
+    problem = _proven(_even_or_meshed(problem, z), z) if can_mesh(problem) else _even_or_adaptive(problem, _step_error, z, COARSE)
     delays, rows = _held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)
     for delay in delays:
@@ -69,6 +70,21 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
         rows = delay.on_samples(problem, rows)
     places = [delay.place for delay in often]
     return _refined_until(problem, partial(_slope_error, places=places), rows, SLOPE, most) if often else problem
+
+
+def _proven(problem: Problem, z: np.ndarray) -> Problem:
+    """The problem with adaptive steps, which show that a candidate explodes, where its mesh gives false costs at a tenth of the rows of z.
+
+    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is not there.
+    """
+    if not problem.mesh or not _can_adapt(problem):
+        return problem
+    own = problem.predictor.stepping()
+    exact = problem.with_mesh({}).with_simulator(Simulator(own.vector, ADAPTIVE, SENSITIVE, own.interpolated))
+    cost, true = (np.asarray(p.costs(z)) for p in (problem, exact))
+    with np.errstate(all="ignore"):
+        false = (np.isfinite(cost) != np.isfinite(true)) | (np.abs(cost - true) > FALSE * true)
+    return exact if np.mean(false) > 1.0 - MESH_PART else problem
 
 
 def _refined_until(
@@ -206,6 +222,9 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
 
     No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what is simulated at given values; a search keeps the steps that serve all its candidates.
     """
+    own = problem.predictor.stepping() if problem.predictor.has_steps else None
+    if not problem.substeps_chosen and own is not None and own.stepper == ADAPTIVE:
+        return _adaptive(problem, _largest_step_error, np.asarray(z, dtype=float)[None, :], 2.0 * MESH, own.substeps, MOST_FINE)
     if problem.substeps_chosen or not can_mesh(problem):
         return problem
     spreads, z = _all_spreads(problem), np.asarray(z, dtype=float)
