@@ -122,8 +122,8 @@ def main() -> None:
             below = "refused" if one["below"] is None else f"{100 * one['below']:+.3f} % below the tight solver's"
             word = " (said to be refused)" if one["refused"] else ""
             print(
-                f"  seed {seed}: cost {one['cost']:.6g}, {below}{word}, {one['status']}, {one['over published']:.4g} times the published cost, "
-                f"{one['seconds of CPU']:.0f} s of CPU",
+                f"  seed {seed}: cost {one['cost']:.6g}, {below}{word}, {one['status']}, "
+                f"{one['over published']:.4g} times the published cost, {one['seconds of CPU']:.0f} s of CPU",
                 flush=True,
             )
 

@@ -218,9 +218,10 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, where a mesh can be made.
+    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, by a mesh or adaptive ones.
 
-    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what is simulated at given values; a search keeps the steps that serve all its candidates.
+    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what
+    is simulated at given values; a search keeps the steps that serve all its candidates.
     """
     own = problem.predictor.stepping() if problem.predictor.has_steps else None
     if not problem.substeps_chosen and own is not None and own.stepper == ADAPTIVE:

@@ -1,14 +1,17 @@
 """Steps as long as their error allows, each candidate with its own: for sharp friction and stiff corners of a box.
 
 One step is the third-order exponential Rosenbrock pair exprb32 (M. Hochbruck, A. Ostermann, J. Schweitzer, SIAM J. Numer. Anal. 47
-(2009) 786) with rational functions in place of the exponential ones, all with the denominator of `steppers.exponential`,
+(2009) 786). Its functions of Z are exact for one and two states, whose eigenvalues are known in closed form: between the moments at which
+friction turns round, a motor takes one step. For more states, and where both eigenvalues are nearly the same, rational functions stand
+in place of the exponential ones, all with the denominator of `steppers.exponential`,
 
     x1 = x + h v                                        (order 2)
     x2 = x1 + 2 h phi3(Z) dN,  dN = f(x1) - f(x) - Z v - d,   2 phi3(Z) = (1 - 5/12 Z)/(3 (1 - 2/3 Z + Z^2/6)),           (1)
 
 and goes on with x2. The error of a step is taken as h |2 phi3(Z) dN|, what the second stage changed, plus that of the rational
 exponential on the linear part, h |Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)|/72, each state's as a share of the largest size that the state
-has had in this interval: a state that has died away asks for nothing.
+has had in this interval: a state that has died away asks for nothing. A state that begins at zero grows as a power of time, so that its
+error is the same share of it however short a step is: it counts as large as it would be after a hundredth of the interval at its rate.
 
 A step could be exact enough although the rate turns round in it: friction is then jumped over to and fro, far inside of the tolerance
 and without end. Such a step is tried anew with a tenth of its length, which finds where the state sticks.
