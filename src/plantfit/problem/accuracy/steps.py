@@ -17,6 +17,7 @@ from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
 from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
+from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import ADAPTIVE, Drive, Simulator
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.sobol import Sobol
@@ -27,6 +28,7 @@ FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
+LOST = 20_000  # evaluations of the tight solver, by which a candidate that explodes has done so
 FALSE = 0.1  # of a cost, from which on a mesh is said to give a false one
 LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
 SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
@@ -75,7 +77,8 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
 def _proven(problem: Problem, z: np.ndarray) -> Problem:
     """The problem with adaptive steps, which show that a candidate explodes, where its mesh gives false costs at a tenth of the rows of z.
 
-    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is not there.
+    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is not there. Adaptive
+    steps that are lost where an independent solver is not are none to search with.
     """
     if not problem.mesh or not _can_adapt(problem):
         return problem
@@ -84,7 +87,19 @@ def _proven(problem: Problem, z: np.ndarray) -> Problem:
     cost, true = (np.asarray(p.costs(z)) for p in (problem, exact))
     with np.errstate(all="ignore"):
         false = (np.isfinite(cost) != np.isfinite(true)) | (np.abs(cost - true) > FALSE * true)
-    return exact if np.mean(false) > 1.0 - MESH_PART else problem
+    if np.mean(false) <= 1.0 - MESH_PART or not all(_explodes(problem, row) for row in z[~np.isfinite(true)]):
+        return problem
+    return exact
+
+
+def _explodes(problem: Problem, z: np.ndarray) -> bool:
+    """Whether an independent solver is lost at a cube point (d,), too."""
+    values, single = problem.space.physical(z), problem.predictor.stepping()
+    for name, drive in problem.whole_drives.items():
+        p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+        if follow(single, p, drive, evaluations=LOST).stopped is not None:
+            return True
+    return False
 
 
 def _refined_until(
