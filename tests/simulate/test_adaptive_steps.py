@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import plantfit as pf
 from plantfit.errors import SimulationError
@@ -63,11 +64,87 @@ def errors(problem, values, fineness):
 
 @pytest.mark.parametrize("hold", ["previous", "linear"])
 def test_twice_the_fineness_is_about_a_quarter_of_the_error(hold):
+    """Three states, whose exponentials are rational functions: the voltage of the pendulum's drive comes late."""
     t = np.arange(40) * PERIOD
-    found = errors(problem_of(PENDULUM, OWN, t=t, u=2.0 * np.sin(0.4 * t), hold={"u": hold}), {"g": 9.8, "c": 0.2, "m": 1.3}, (2, 4, 8, 16))
-    assert found[-1] < 1e-4
+    late = PENDULUM.replace("(u -", "(v -").replace("\ny", "\nv' = (u - v)/0.3\ny")
+    problem = problem_of(late, OWN, t=t, u=2.0 * np.sin(0.4 * t), hold={"u": hold})
+    found = errors(problem, {"g": 9.8, "c": 0.2, "m": 1.3}, (2, 4, 8, 16))
+    assert found[-1] < 2e-4
     for coarse, fine in pairwise(found):
         assert 2.5 < coarse / fine < 9.0
+
+
+@pytest.mark.parametrize("hold", ["previous", "linear"])
+def test_two_states_follow_their_linear_part_exactly(hold):
+    t = np.arange(40) * PERIOD
+    u, truth = 2.0 * np.sin(0.4 * t), {"g": 9.8, "c": 0.2, "m": 1.3}
+    linear = problem_of(PENDULUM.replace("sin(a)", "a"), OWN, t=t, u=u, hold={"u": hold})
+    assert errors(linear, truth, (1,))[0] < 1e-8  # samples are a third of an oscillation apart
+    turning = errors(problem_of(PENDULUM, OWN, t=t, u=u, hold={"u": hold}), truth, (1, 4, 32))
+    assert turning[0] < 1e-4
+    assert turning[2] < 1e-6
+
+
+@pytest.mark.parametrize("text", [PENDULUM, "a' = u - a - g*a^3/m - c*a^2\ny = a"])
+def test_the_pair_has_order_three(text):
+    problem, z = problem_of(text, OWN), np.array([9.8, 0.2, 1.3])
+    vector = problem.predictor.stepping().vector
+    pair, p = pair_of(vector), tuple(float(dict(zip(problem.space.names, z, strict=True))[n]) for n in vector.parameters)
+
+    def end(parts):
+        x = (0.3, 0.4)[: len(vector.states)]
+        for _ in range(parts):
+            x = tuple(map(float, pair(tuple(x), 0.7, 1.0 / parts, p)[0]))
+        return np.array(x)
+
+    exact = end(512)
+    found = [np.max(np.abs(end(parts) - exact)) for parts in (4, 8, 16)]
+    for coarse, fine in pairwise(found):
+        assert 6.0 < coarse / fine < 11.0
+
+
+def phi_of(z, k):
+    """phi_k(Z) from the exponential of a matrix twice to four times as large."""
+    n = len(z)
+    large = np.zeros((n * (k + 1), n * (k + 1)))
+    large[:n, :n] = z
+    for j in range(k):
+        large[j * n : (j + 1) * n, (j + 1) * n : (j + 2) * n] = np.eye(n)
+    return scipy.linalg.expm(large)[:n, k * n :]
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_functions_of_the_linear_part_are_exponential_or_say_their_error(n):
+    rng, exact = np.random.default_rng(0), 0
+    made = {1: steps._functions_of_one, 2: steps._functions_of_two}[n]
+    for size in np.geomspace(1e-3, 40.0, 60):
+        z = size * rng.standard_normal((n, n))
+        phi, y = made([[float(v) for v in row] for row in z]), rng.standard_normal(n)
+        off, zero = np.array(phi.error(list(y))), [0.0] * n
+        exact += bool(np.all(off == 0.0))
+        if np.max(np.linalg.eigvals(z).real) > 40.0 or (np.any(off != 0.0) and size > 0.1):
+            continue
+        for k, found in ((1, phi.first(list(y), zero)), (2, phi.first(zero, list(y))), (3, [0.5 * v for v in phi.second(list(y))])):
+            # rational ones are taken where Z is small, too, of third order then
+            allowed = 1e-9 if np.all(off == 0.0) else size**2
+            np.testing.assert_allclose(np.array(found), phi_of(z, k) @ y, atol=allowed * np.max(np.abs(phi_of(z, k) @ y)))
+    assert exact > 25
+
+
+def test_states_that_begin_at_zero_one_behind_another_take_few_steps(monkeypatch):
+    """Each grows by a higher power of time: as a share of itself its error is large however short a step is."""
+    text = "a' = g - a + 0*u\nb' = c*a - b\nd' = m*b^2 - d\nx' = d - x^2\ny = x"
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    problem = problem_of(text, OWN, t=t, u=np.zeros(4))
+    values = {"g": 9.8, "c": 0.2, "m": 1.3}
+    vector = problem.predictor.stepping().vector
+    p = tuple(values[n] for n in vector.parameters)
+    found = errors(problem, values, (4, 16))
+    assert max(map(len, followed(vector, p, [0.0] * 4, np.zeros(4), 4)[1])) < 150
+    monkeypatch.setattr(steps, "SOON", 0.0)
+    assert len(followed(vector, p, [0.0] * 4, np.zeros(2), 4)[1][0]) > 300
+    assert found[0] < 2e-3
+    assert found[1] < 2e-4
 
 
 def test_sharp_friction_is_followed_where_equal_steps_are_far_off():
@@ -101,17 +178,16 @@ def followed(vector, p, x, u, fineness):
     pair = pair_of(vector)
     shares, states = [], [x]
     for k in range(len(u) - 1):
-        done, length, largest, ends = 0.0, 1.0, [abs(v) for v in x], []
+        done, length, begun, largest, ends = 0.0, 1.0, x, [abs(v) for v in x], []
         while done < 1.0:
             length = min(length, 1.0 - done)
             last = length >= 1.0 - done
-            later, error, bent = pair(tuple(x), float(u[k]), length * PERIOD, p)
+            later, error, bent, way = pair(tuple(x), float(u[k]), length * PERIOD, p)
             size = [max(s, abs(float(b))) for s, b in zip(largest, later, strict=True)]
-            share = [float(e) / (steps.tolerance(fineness) * max(s, 1e-300)) for e, s in zip(error, size, strict=True)]
-            strained = any(bool(b) and s > steps.SEEN for b, s in zip(bent, share, strict=True))
-            factor = (
-                steps.SHORTEST if strained else np.clip(steps.SAFETY * max(max(share), 1e-6) ** (-1 / 3), steps.SHORTEST, steps.LONGEST)
-            )
+            soon = [max(s, steps.SOON * PERIOD * abs(float(w))) if v == 0.0 else s for v, s, w in zip(begun, size, way, strict=True)]
+            share = [float(e) / (steps.tolerance(fineness) * max(s, 1e-300)) for e, s in zip(error, soon, strict=True)]
+            strained = any(bool(b) and s > steps.SEEN and a <= c for b, s, a, c in zip(bent, share, soon, size, strict=True))
+            factor = steps.SHORTEST if strained else np.clip(steps.SAFETY * max(max(share), 1e-6) ** -0.25, steps.SHORTEST, steps.LONGEST)
             if max(share) <= 1.0 and not strained:
                 done, x, largest = 1.0 if last else done + length, [float(v) for v in later], size
                 ends.append(length)
@@ -124,7 +200,7 @@ def followed(vector, p, x, u, fineness):
 def replayed(pair, p, x, u, shares):
     for k, ends in enumerate(shares):
         for share in ends:
-            x, _, _ = pair(tuple(x), float(u[k]), share * PERIOD, p)
+            x, *_ = pair(tuple(x), float(u[k]), share * PERIOD, p)
         yield x[0]
 
 

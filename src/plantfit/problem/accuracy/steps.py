@@ -14,9 +14,10 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.accuracy.mesh import MOST_STEPS as MOST_MESHED
-from plantfit.problem.accuracy.mesh import can_mesh, errors_at, mesh_at
+from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.problem import Problem
+from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import ADAPTIVE, Drive, Simulator
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.sobol import Sobol
@@ -27,6 +28,10 @@ FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
+LOST = 20_000  # evaluations of the tight solver, by which a candidate that explodes has done so
+FALSE = 0.1  # of a cost, from which on a mesh is said to give a false one
+LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
+SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
 LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
@@ -55,7 +60,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
-    problem = _even_or_meshed(problem, z) if can_mesh(problem) else _even_or_adaptive(problem, _step_error, z, COARSE)
+    problem = _proven(_even_or_meshed(problem, z), z) if can_mesh(problem) else _even_or_adaptive(problem, _step_error, z, COARSE)
     delays, rows = _held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)
     for delay in delays:
@@ -67,6 +72,34 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
         rows = delay.on_samples(problem, rows)
     places = [delay.place for delay in often]
     return _refined_until(problem, partial(_slope_error, places=places), rows, SLOPE, most) if often else problem
+
+
+def _proven(problem: Problem, z: np.ndarray) -> Problem:
+    """The problem with adaptive steps, which show that a candidate explodes, where its mesh gives false costs at a tenth of the rows of z.
+
+    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is not there. Adaptive
+    steps that are lost where an independent solver is not are none to search with.
+    """
+    if not problem.mesh or not _can_adapt(problem):
+        return problem
+    own = problem.predictor.stepping()
+    exact = problem.with_mesh({}).with_simulator(Simulator(own.vector, ADAPTIVE, SENSITIVE, own.interpolated))
+    cost, true = (np.asarray(p.costs(z)) for p in (problem, exact))
+    with np.errstate(all="ignore"):
+        false = (np.isfinite(cost) != np.isfinite(true)) | (np.abs(cost - true) > FALSE * true)
+    if np.mean(false) <= 1.0 - MESH_PART or not all(_explodes(problem, row) for row in z[~np.isfinite(true)]):
+        return problem
+    return exact
+
+
+def _explodes(problem: Problem, z: np.ndarray) -> bool:
+    """Whether an independent solver is lost at a cube point (d,), too."""
+    values, single = problem.space.physical(z), problem.predictor.stepping()
+    for name, drive in problem.whole_drives.items():
+        p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+        if follow(single, p, drive, evaluations=LOST).stopped is not None:
+            return True
+    return False
 
 
 def _refined_until(
@@ -98,11 +131,18 @@ def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], f
     return even if short else _adaptive(problem, error, z, small)
 
 
-def _adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float) -> Problem:
-    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for."""
+def _adaptive(
+    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, first: int = 1, most: int = FINEST
+) -> Problem:
+    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first` fineness on."""
     own = problem.predictor.stepping()
     problem = problem.with_mesh({}) if problem.mesh else problem
-    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, 1, own.interpolated)), error, z, small, FINEST)
+    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, first, own.interpolated)), error, z, small, most)
+
+
+def _long(problem: Problem) -> bool:
+    """Whether a mesh is so long that adaptive steps, whose order is higher, are fewer."""
+    return bool(problem.mesh) and _can_adapt(problem) and problem.steps_a_sample > LONG_MESH
 
 
 def _can_adapt(problem: Problem) -> bool:
@@ -188,14 +228,19 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
         if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
-    return mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    made = mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    return _adaptive(problem, _scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, where a mesh can be made.
+    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, by a mesh or adaptive ones.
 
-    For what is simulated at given values; a search keeps the steps that serve all its candidates.
+    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what
+    is simulated at given values; a search keeps the steps that serve all its candidates.
     """
+    own = problem.predictor.stepping() if problem.predictor.has_steps else None
+    if not problem.substeps_chosen and own is not None and own.stepper == ADAPTIVE:
+        return _adaptive(problem, _largest_step_error, np.asarray(z, dtype=float)[None, :], 2.0 * MESH, own.substeps, MOST_FINE)
     if problem.substeps_chosen or not can_mesh(problem):
         return problem
     spreads, z = _all_spreads(problem), np.asarray(z, dtype=float)
@@ -205,9 +250,25 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
             return problem
         if _many(problem, error, MESH):
             return _adaptive(problem, _step_error, z[None, :], MESH)
-    if max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4)) <= MESH:
+    even = max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4))
+    if even <= MESH and _largest_error(problem, z, spreads) <= 2.0 * MESH:
         return problem
-    return mesh_at(problem, z[None, :], spreads, MESH)
+    made, tolerance = problem, MESH
+    for _ in range(ROUNDS):  # the error may stand in a few samples: after a peak that steps are late at
+        made = mesh_at(problem, z[None, :], spreads, tolerance)
+        if _long(made):
+            return _adaptive(problem, _largest_step_error, z[None, :], 2.0 * MESH, SENSITIVE, MOST_FINE)
+        worst = _largest_error(made, z, spreads)
+        if not worst > 2.0 * MESH:
+            break
+        tolerance *= max(1.6 * MESH / worst, 0.1)
+    return made
+
+
+def _largest_error(problem: Problem, z: np.ndarray, spreads: dict[str, float]) -> float:
+    """The largest step error of a measured sample, as a share of the spread of its output."""
+    found = [effects(problem, z[None, :], name, spreads)[0].error for name in problem.whole_drives]
+    return float(np.max(np.abs(np.concatenate(found)), initial=0.0))
 
 
 def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
@@ -224,9 +285,10 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
         small = max(share * rms, 0.1 * least(problem))
         if not problem.mesh and _many(problem, _scaled_error(problem, z), small):
             return _adaptive(problem, _scaled_error, z[None, :], small)
-        return mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
+        made = mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
+        return _adaptive(problem, _scaled_error, z[None, :], small, SENSITIVE, MOST_FINE) if _long(made) else made
     simulator = problem.predictor.stepping()
-    more = 4 * simulator.substeps <= FINEST**2 if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
+    more = 4 * simulator.substeps <= MOST_FINE if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
     return problem.with_simulator(simulator.refined(4)) if more else None
 
 
@@ -248,13 +310,22 @@ def _scaled_error(problem: Problem, z: np.ndarray) -> float:
 
 
 def _step_error(problem: Problem, z: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(_shares(problem, z) ** 2)))
+
+
+def _largest_step_error(problem: Problem, z: np.ndarray) -> float:
+    return float(np.max(np.abs(_shares(problem, z))))
+
+
+def _shares(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Step errors (m,) as shares of the spread of each output."""
     spread = [
         np.full(len(y), _spread(y, problem.scales[output]) / problem.scales[output])
         for name in problem.data["drive"]
         for output in problem.outputs
         if len(y := problem.data["measured"][name][output])
     ]
-    return float(np.sqrt(np.mean((step_errors(problem, z) / np.concatenate(spread)) ** 2)))
+    return step_errors(problem, z) / np.concatenate(spread)
 
 
 def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
