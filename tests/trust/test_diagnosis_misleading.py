@@ -14,9 +14,9 @@ from benchmarks.diagnosis import NEAR, PLANTS, judged, write
 from plantfit.fitting import fit
 from plantfit.spec import load
 from plantfit.trust.diagnosis import diagnose, diagnosis_record
-from plantfit.trust.diagnosis.carrier import Carrier
+from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import catalogue, inside_kinds
-from plantfit.trust.diagnosis.hypothesis import fitted
+from plantfit.trust.diagnosis.plant.hypothesis import fitted
 from plantfit.trust.diagnosis.rounds import SURE
 
 

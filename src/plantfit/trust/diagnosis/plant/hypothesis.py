@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from plantfit.trust.diagnosis.candidates import Before, Behind, Law
-from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.plant.carrier import Carrier
 
 STEP = 1e-4  # of the size of an addition: by how much it is moved for a derivative
 DAMPING, GROWTH, LEAST = 1e-3, 4.0, 1e-9

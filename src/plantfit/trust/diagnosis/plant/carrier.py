@@ -18,8 +18,8 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.space import Parameter
 from plantfit.trust.diagnosis.candidates import Inside, candidates
-from plantfit.trust.diagnosis.input_places import InputPlaces
 from plantfit.trust.diagnosis.meter import Meter
+from plantfit.trust.diagnosis.plant.input_places import InputPlaces
 
 import jax.numpy as jnp
 

@@ -56,8 +56,7 @@ class InputPlaces:
                 places[i] = moved, sample[np.floor(value).astype(int)]
         found = cls(structure, tuple(leaves), places, inputs)
         for values, truth in ((_cut(second, inputs), other[0]), (inputs, leaves)):
-            made = jax.tree.leaves(found.filled(values))
-            if not all(np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(b).dtype.kind == "f") for a, b in zip(made, truth, strict=True)):
+            if not all(map(_same, jax.tree.leaves(found.filled(values)), truth)):
                 return None
         return found
 
@@ -70,6 +69,11 @@ class InputPlaces:
             leaf.reshape(-1)[place] = values[sample]
             leaves[i] = leaf
         return jax.tree.unflatten(self.structure, leaves)
+
+
+def _same(a: Any, b: Any) -> bool:
+    a, b = np.asarray(a), np.asarray(b)
+    return np.array_equal(a, b, equal_nan=b.dtype.kind == "f")
 
 
 def _cut(values: np.ndarray, inputs: Inputs) -> dict[str, dict[str, np.ndarray]]:
