@@ -165,43 +165,51 @@ class Course:
 
     def _taken(self, extensions: Sequence[Extension], t: Trial, pair: Fitted) -> bool:
         """Whether a pair is more than chance, holds on unseen data and is better than what was found one by one; then it is taken."""
-        carrier, use, kept, rows = self.carrier, self.use, self.kept, self.carrier.rows
-        count = len(extensions)
-        if times_noise(carrier, pair, self.apart) > NEAR or evidence(self.bare, pair, rows, use) < needed(count * (count - 1) // 2, 2):
+        use, kept, rows, count = self.use, self.kept, self.carrier.rows, len(extensions)
+        assert t.at is not None
+        carrier, end = self._sharper(pair) or (self.carrier, pair)
+        if times_noise(carrier, end, self.apart) > NEAR or evidence(self.bare, end, rows, use) < needed(count * (count - 1) // 2, 2):
             return False
-        if self.base.additions and evidence(self.base, pair, rows, use) < ALIKE:
+        if self.base.additions and evidence(self.base, end, rows, use) < ALIKE:
             return False
-        later, explained = unseen(carrier, self.bare, pair, use, kept), 1.0 - pair.cost(use) / self.bare.cost(use)
+        later, explained = unseen(carrier, self.bare, end, use, kept), 1.0 - end.cost(use) / self.bare.cost(use)
         if 1.0 - later.extended / later.base < HELD * explained:
             return False
-        assert t.at is not None
         first = replace(self.made[0], found=(judged(carrier, self.bare, t, use, kept),))
-        second = one_round(carrier, t.at, extensions, use, kept, self.say)
-        if not second.found or second.found[0].at is None:
-            return False
-        before = self.base
-        self.base, self.made = second.found[0].at, [first, second]
-        self.dropped, self.exchanged = [a for a in before.additions if a not in self.base.additions], []
+        second = one_round(self.carrier, t.at, extensions, use, kept, self.say)
+        best = second.found[0].at if second.found else None
+        if best is None or carrier is not self.carrier or best.cost(use) > end.cost(use):
+            own = Trial(end.additions[-1], 0.0, 0.0, (0.0, 0.0))
+            second = replace(second, found=(refitted(carrier, t.at, own, end, use, kept),))
+            best = end
+        gone = [a for a in self.base.additions if a not in best.additions]
+        self.carrier, self.base, self.made, self.dropped, self.exchanged = carrier, best, [first, second], gone, []
         self._settled()
         return True
 
+    def _sharper(self, one: Fitted) -> tuple[Carrier, Fitted] | None:
+        """The carrier with sharper dry friction and a fit on it, where the fit has dry friction and that explains more."""
+        carrier = self.carrier
+        dry = any(a.kind == "coulomb" for a in one.additions)
+        if not dry or carrier.sharp > 1 or not carrier.meter.holds(SHARP * carrier.charge * QUICK):
+            return None
+        self.say("fitting with sharper friction")
+        sharp = Carrier.of(self.problem, self.z, inside_kinds(self.problem), carrier.meter, SHARP)
+        at = fitted(sharp, one.additions, one.x, one.theta, self.use)
+        return (sharp, at) if at.cost(self.use) <= (1.0 - LEAST) * one.cost(self.use) else None
+
     def _settled(self) -> None:
         """What a finding changes: outliers that it uncovers, dry friction that is sharper, and earlier findings that stood for it."""
-        carrier, one = self.carrier, self.made[-1]
-        anew = outlying(self.base.residuals, carrier.rows)
+        one = self.made[-1]
+        anew = outlying(self.base.residuals, self.carrier.rows)
         if np.any(anew != self.apart):  # what a wrong model hid, or took for outliers
             self.apart = anew
-            self.base = fitted(carrier, self.base.additions, self.base.x, self.base.theta, self.use)
-            self.outliers = outliers_of(self.base, self.apart, carrier)
+            self.base = fitted(self.carrier, self.base.additions, self.base.x, self.base.theta, self.use)
+            self.outliers = outliers_of(self.base, self.apart, self.carrier)
             self._told(one)
-        dry = any(a.kind == "coulomb" for a in self.base.additions)
-        if dry and carrier.sharp == 1 and carrier.meter.holds(SHARP * carrier.charge * QUICK):
-            self.say("fitting with sharper friction")
-            sharp = Carrier.of(self.problem, self.z, inside_kinds(self.problem), carrier.meter, SHARP)
-            at = fitted(sharp, self.base.additions, self.base.x, self.base.theta, self.use)
-            if at.cost(self.use) <= (1.0 - LEAST) * self.base.cost(self.use):
-                self.carrier, self.base = sharp, at
-                self._told(one)
+        if sharper := self._sharper(self.base):
+            self.carrier, self.base = sharper
+            self._told(one)
         if len(self.base.additions) > 1:
             self.say("fitting without what was found before, and with what had helped in its place")
             self.base, self.made, better = _exchanged(self.carrier, self.bare, self.base, self.made, self.use, self.kept)
