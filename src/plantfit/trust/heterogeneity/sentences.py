@@ -50,8 +50,8 @@ def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Senten
         return []
     p = {t["name"]: t["p"] for t in section["parameters"]}
     doubted = [r for r in wider if r["scatter"]]
-    names = some([f"{r['name']} (p {number(p[r['name']])})" for r in doubted[:MOVED]] + [r["name"] for r in doubted[MOVED:]])
-    chance = f"but {names} may scatter between them" if doubted else "as so few often do where a plant scatters between them"
+    names = [f"{r['name']} (p {number(p[r['name']])})" for r in doubted[:MOVED]] + [r["name"] for r in doubted[MOVED:]]
+    chance = f"but {some(names)} may scatter between them" if names else "as so few often do where a plant scatters between them"
     text = f"The {count} recordings agree within chance, {chance}. Intervals allow for that: {_wider(wider)}.{_withdrawn(wider)}"
     text += " A third one makes them shorter." if count == 2 else ""
     return [say("info", text, widened=len(wider), withdrawn=len(_lost(wider)))]
