@@ -170,11 +170,12 @@ class Course:
         carrier, end = self._sharper(pair) or (self.carrier, pair)
         if times_noise(carrier, end, self.apart) > NEAR or evidence(self.bare, end, rows, use) < needed(count * (count - 1) // 2, 2):
             return False
-        if self.base.additions and evidence(self.base, end, rows, use) < ALIKE:
+        if self.base.additions and evidence(self.base, end, rows, use) < needed(count * (count - 1) // 2):
             return False
-        later, explained = unseen(carrier, self.bare, end, use, kept), 1.0 - end.cost(use) / self.bare.cost(use)
-        if 1.0 - later.extended / later.base < HELD * explained:
-            return False
+        for before in (self.bare, self.base):  # one of the two may be all that helps, and that was found without the other one
+            later, explained = unseen(carrier, before, end, use, kept), 1.0 - end.cost(use) / before.cost(use)
+            if 1.0 - later.extended / later.base < HELD * explained:
+                return False
         first = replace(self.made[0], found=(judged(carrier, self.bare, t, use, kept),))
         second = one_round(self.carrier, t.at, extensions, use, kept, self.say)
         best = second.found[0].at if second.found else None
