@@ -19,7 +19,8 @@ RIVALS = 3  # of an earlier finding that are tried in its place
 WORTH = 0.1  # of the mean square that one addition must explain to be tried in the place of another
 SHARP = 16  # times less is the speed from which on dry friction is whole, where it is found and that fits better
 CLEAR = 1.2  # times the sample-to-sample noise: with more left something is missing
-NEAR = 3.0  # times that two at once may leave
+NEAR = 3.0  # times that two at once may leave,
+LITTLE = 0.15  # or so much of what is left without them: friction that sticks is followed less well than it is measured
 PARTNERS = 3  # beside each of the first that are fitted in full
 HELD = 0.5  # of what two at once explain that they must explain of unseen data
 
@@ -168,7 +169,9 @@ class Course:
         use, kept, rows, count = self.use, self.kept, self.carrier.rows, len(extensions)
         assert t.at is not None
         carrier, end = self._sharper(pair) or (self.carrier, pair)
-        if times_noise(carrier, end, self.apart) > NEAR or evidence(self.bare, end, rows, use) < needed(count * (count - 1) // 2, 2):
+        if times_noise(carrier, end, self.apart) > max(NEAR, LITTLE * times_noise(self.carrier, self.bare, self.apart)):
+            return False
+        if evidence(self.bare, end, rows, use) < needed(count * (count - 1) // 2, 2):
             return False
         if self.base.additions and evidence(self.base, end, rows, use) < needed(count * (count - 1) // 2):
             return False
