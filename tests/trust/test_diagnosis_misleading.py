@@ -94,7 +94,9 @@ def test_two_causes_of_which_neither_tells_anything_alone_are_named(tmp_path):
     found = {t.extension.kind: t.value for t in d.found}
     assert found["saturation"] == pytest.approx(2.0, rel=0.01)
     assert found["lag"] == pytest.approx(0.15, rel=0.05)
-    assert times_noise(d.carrier, d.found[-1].at, d.apart) < 1.2
+    end = d.found[-1].at
+    assert end is not None
+    assert times_noise(d.carrier, end, d.apart) < 1.2
 
 
 def test_additions_of_one_input_stand_as_in_the_study_file_whichever_was_found_first(tmp_path):
