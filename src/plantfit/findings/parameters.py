@@ -64,9 +64,9 @@ class Parameter(Record):
     """From, to: over runs of the same cost, where these leave the interval."""
     uncertainty: StatedUncertainty | None = None
     by_noise: ByNoise | None = None
-    """None where recordings agree."""
+    """None where the interval is that by the noise alone: one recording, or enough that agree."""
     scatter: Scatter | None = None
-    """None where recordings agree."""
+    """None where nothing speaks for a scatter between recordings."""
 
 
 class StandardErrors(Record):

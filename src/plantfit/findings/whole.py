@@ -27,7 +27,7 @@ class Findings(Record):
     """What `plantfit.trust.assess` finds of an answer: `plain()` is `answer.findings`, and `plantfit run --json` without the samples."""
 
     schema_version: int = VERSION
-    """Of these records; another one where keys change their meaning or go."""
+    """Of these records; another one where keys change their meaning or go, the same where keys are added."""
     name: str
     """Of the problem."""
     recordings: list[Recording] = []

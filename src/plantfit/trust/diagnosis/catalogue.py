@@ -10,7 +10,7 @@ from plantfit.models.extensions import parameter_name
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.candidates import Before, Behind, Candidate, Inside, candidate_of, candidates
-from plantfit.trust.diagnosis.carrier import Rows
+from plantfit.trust.diagnosis.plant.carrier import Rows
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 
 

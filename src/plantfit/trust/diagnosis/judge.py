@@ -12,9 +12,10 @@ import numpy as np
 from scipy import special
 
 from plantfit.problem.measure.long_run import inflation
-from plantfit.trust.diagnosis.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.hypothesis import Fitted, columns, fitted
+from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
+from plantfit.trust.validate.residual_tests import white_part
 
 CHANCE = 0.01  # that anything is named where nothing is missing
 LEAST = 0.01  # of the mean square: less is not worth a change of the model
@@ -51,6 +52,27 @@ def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> flo
     if after <= 0:
         return np.inf if before > 0 else 0.0
     return float(np.sum(use)) / independent_share(extended.residuals, rows, use) * np.log(before / after)
+
+
+def times_noise(carrier: Carrier, one: Fitted, apart: np.ndarray) -> float:
+    """The most times its sample-to-sample noise that any output is left with by a fit, without the rows that are `apart` (m,) bool."""
+    return max(by_output(carrier, one, apart).values(), default=0.0)
+
+
+def by_output(carrier: Carrier, one: Fitted, apart: np.ndarray) -> dict[str, float]:
+    """The same by output; of several recordings the one with most."""
+    rows, found = carrier.rows, {}
+    for output in carrier.given.outputs:
+        noise, size = [], []
+        for name in dict.fromkeys(rows.recording):
+            at = rows.part(name, output)
+            at = at[rows.fit[at]]
+            if len(at) > FEWEST:
+                r = np.where(apart[at], np.nan, one.residuals[at])
+                noise.append(white_part(r))
+                size.append(float(np.sqrt(np.nanmean(r**2))))
+        found[output] = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0
+    return found
 
 
 def needed(tried: int, freedom: int = 1) -> float:

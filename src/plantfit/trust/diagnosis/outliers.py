@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plantfit.trust.diagnosis.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.hypothesis import Fitted
+from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 
 WINDOW, FAR, MOST = 11, 6.0, 0.1  # samples around, robust deviations, share of all samples
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation

@@ -13,8 +13,8 @@ from plantfit.findings.diagnosis import ResidualChange
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
-from plantfit.trust.diagnosis.hypothesis import Fitted
 from plantfit.trust.diagnosis.meter import Meter, Stopped
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.sentences import diagnosis_record
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE

@@ -7,10 +7,10 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.sobol import Sobol
-from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.hypothesis import Fitted, fitted, without
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen
+from plantfit.trust.diagnosis.plant.carrier import Carrier
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted, fitted, without
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
@@ -58,22 +58,22 @@ def one_round(
 ) -> Round:
     """Additions tried beside those of `base`: the best are fitted in full, and judged on unseen data."""
     left, meter = [e for e in extensions if e not in base.additions], carrier.meter
-    tried, untried, begun, whole = [], [], meter.spent, True
+    quick, untried, begun, whole = [], [], meter.spent, True
     for e in sorted(left, key=_price):
         if not meter.holds(_price(e) * carrier.charge, TRYING, begun):
             untried.append(e)
             continue
         say(f"trying {e.name}")
-        one = _tried(carrier, base, e, use)
+        one = tried(carrier, base, e, use)
         if one is not None:
-            tried.append((e, one))
-    tried.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
-    tried.sort(key=lambda pair: pair[1].cost(use))
+            quick.append((e, one))
+    quick.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
+    quick.sort(key=lambda pair: pair[1].cost(use))
     before, n = base.cost(use), int(use.sum())
     unit = _scale(carrier)
     root = lambda square: float(np.sqrt(square)) * unit  # noqa: E731
     limit, trials = needed(len(left)), []
-    for k, (e, one) in enumerate(tried):
+    for k, (e, one) in enumerate(quick):
         if k < FINALISTS and 1.0 - one.cost(use) / before >= 0.3 * LEAST:
             if k == 0 or meter.holds(0.0, FITTING, begun):
                 say(f"fitting with {e.name}")
@@ -112,7 +112,7 @@ def one_round(
     return Round(base.additions, tuple(rows), found, limit, tuple(untried), whole and not untried, base)
 
 
-def _tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
+def tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
     """The best short fit with an addition from its starts."""
     additions, best = (*base.additions, e), None
     for start in (0.0,) if e.linear else e.starts:

@@ -3,15 +3,13 @@
 from collections.abc import Iterator
 from typing import Any, Literal
 
-import numpy as np
-
 from plantfit.findings import diagnosis as records
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
+from plantfit.trust.diagnosis.judge import by_output
 from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
-from plantfit.trust.validate.residual_tests import white_part
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
 
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
@@ -152,22 +150,8 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
 
 def _much_left(d: Diagnosis) -> dict[str, float]:
     """By output how many times its noise is left after all that was found, where that is `MUCH`."""
-    carrier, rows, found = d.carrier, d.carrier.rows, {}
     end = d.found[-1].at if d.found else None
-    for output in carrier.given.outputs:
-        noise, size = [], []
-        for name in dict.fromkeys(rows.recording):
-            at = rows.part(name, output)
-            at = at[rows.fit[at]]
-            r = None if end is None else end.residuals[at]
-            r = d.base.residuals[at] if r is None else r
-            if len(r) > 10:
-                noise.append(white_part(np.where(d.apart[at], np.nan, r)))
-                size.append(float(np.sqrt(np.nanmean(np.where(d.apart[at], np.nan, r) ** 2))))
-        times = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0
-        if times > MUCH:
-            found[output] = times
-    return found
+    return {o: times for o, times in by_output(d.carrier, end or d.base, d.apart).items() if times > MUCH}
 
 
 def _shown(t: Trial) -> str:

@@ -30,7 +30,7 @@ def answer_sentences(findings: Record) -> list[Sentence]:
     if section["agree"] is False:
         return [*_first(section), _allowed_for(count, rows, command)]
     sound = (findings.get("determined") or {}).get("sound", True)  # else the verdict says that no interval holds
-    return [*_doubted(section, rows, count), *(_unseen(section, count) if sound else ())]
+    return [*_doubted(section, rows, count), *(_unseen(section, rows, count) if sound else ())]
 
 
 def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
@@ -44,18 +44,22 @@ def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
 
 
 def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Sentence]:
-    """Parameters that may scatter, though not beyond chance."""
+    """Intervals that are wider though recordings agree, and what may scatter."""
     wider = [r for r in rows if r["by_noise"]]
     if not wider:
         return []
     p = {t["name"]: t["p"] for t in section["parameters"]}
-    names = some([f"{r['name']} (p {number(p[r['name']])})" for r in wider[:MOVED]] + [r["name"] for r in wider[MOVED:]])
-    text = f"The {count} recordings agree within chance, but {names} may scatter between them. Intervals allow for that: {_wider(wider)}."
-    return [say("info", text + _withdrawn(wider), widened=len(wider), withdrawn=len(_lost(wider)))]
+    doubted = [r for r in wider if r["scatter"]]
+    names = [f"{r['name']} (p {number(p[r['name']])})" for r in doubted[:MOVED]] + [r["name"] for r in doubted[MOVED:]]
+    chance = f"but {some(names)} may scatter between them" if names else "as so few often do where a plant scatters between them"
+    text = f"The {count} recordings agree within chance, {chance}. Intervals allow for that: {_wider(wider)}.{_withdrawn(wider)}"
+    text += " A third one makes them shorter." if count == 2 else ""
+    return [say("info", text, widened=len(wider), withdrawn=len(_lost(wider)))]
 
 
-def _unseen(section: Record, count: int) -> list[Sentence]:
+def _unseen(section: Record, rows: Sequence[Record], count: int) -> list[Sentence]:
     """What the other intervals hold for where recordings agree, and how large a scatter they would have told."""
+    others = [r["name"] for r in rows if not r["by_noise"] and r["name"] in {t["name"] for t in section["parameters"]}]
 
     def size(t: Record) -> float:
         return t["seen_from"] / max(abs(t["joint"]["value"]), 1e-300)
@@ -65,10 +69,14 @@ def _unseen(section: Record, count: int) -> list[Sentence]:
         return []
     shown = [f"{100 * size(t):.2g} % of {t['name']}" for t in tested[:MOVED]]
     more = f", less in the {len(tested) - MOVED} others" if len(tested) > MOVED else ""
-    text = (
-        f"Intervals are those of one plant in all {count} recordings. A scatter between them is told in 8 of 10 such studies from a "
-        f"standard deviation of {some(shown)} on{more}; a smaller one may stay unseen, and intervals are then too short for another one."
-    )
+    told = f"is told in 8 of 10 such studies from a standard deviation of {some(shown)} on{more}"
+    if others:
+        all_of_them = len(others) == len(section["parameters"])
+        which = "Intervals are those" if all_of_them else f"Intervals of {some(others)} are those"
+        text = f"{which} of one plant in all {count} recordings. A scatter between them {told}; "
+        text += "a smaller one may stay unseen, and intervals are then too short for another one."
+    else:
+        text = f"A scatter between recordings {told}; a smaller one may stay unseen."
     return [say("info", text, seen_from=tested[0]["seen_from"])]
 
 

@@ -17,14 +17,16 @@ import numpy as np
 from scipy.special import stdtrit
 
 from plantfit.problem.problem import Problem
+from plantfit.trust.heterogeneity.few import NORMAL, times_wider
 from plantfit.trust.heterogeneity.refitted import own_rows
 from plantfit.trust.intervals.linearised import Local
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import LEVEL, Range
 
 NOTICED = 1.05  # times its reach from which on an interval is widened
-PRELIMINARY = 0.25  # level of a test that decides whether estimates are pooled (Bancroft, Biometrics 20 (1964) 427)
-ENOUGH = 3  # recordings from which on that level widens: Student's t of two is 6.5 times a normal's, and says nothing
+WORTH = 1.15  # times from which on that of recordings that agree is
+PRELIMINARY = 0.25  # level of a test from which on plants are drawn as if they scatter (Bancroft, Biometrics 20 (1964) 427)
+ENOUGH = 3  # recordings from which on: two say nothing of a scatter
 RCOND = 1e-12  # of the largest singular value: directions below are open
 LEFT = 0.05  # of a recording's scatter: at least so much is taken to be left where it sets a parameter nearly alone
 
@@ -74,28 +76,30 @@ def widened(
 ) -> list[Row]:
     """The rows of the findings, those wider that the scatter of recordings reaches; `record` is that of `agreement.compared`.
 
-    Where recordings disagree on anything, every parameter is; where they do not, with three recordings or more, those are whose own test
-    is below the level of a preliminary one: a scatter of the size of the noise is told too seldom. Residuals (m,) and derivatives (m, d)
-    are those at the answer. Rows without a standard error stay as they are.
+    Where recordings disagree on anything, every parameter has the interval of Student's t of so few; where they do not, those that they
+    tell alone have the one of `few`, since few recordings agree by chance. Residuals (m,) and derivatives (m, d) are those at the answer.
+    Rows without a standard error stay as they are.
     """
     tests = {p["name"]: p for p in record["parameters"]}
     told = record["agree"] is False
-    doubted = [n for n, p in tests.items() if p["p"] is not None and p["p"] <= PRELIMINARY and len(_tested(p)) >= ENOUGH]
-    if not told and not doubted:
+    compared = [n for n, p in tests.items() if p["p"] is not None]
+    if not told and not compared:
         return list(rows)
     found, names, coordinates = effects(problem, residuals, jacobian, local), problem.space.names, problem.space.coordinates
     errors = np.sqrt(np.diag(found.covariance))
     made = []
     for row in rows:
         name = row["name"]
-        if name not in names or not (told or name in doubted):
+        if name not in names or not (told or name in compared):
             made.append(row)
             continue
         i = names.index(name)
         c = coordinates[i]
         error = errors[i] * (np.log(c.upper / c.lower) if c.log else c.upper - c.lower)  # on the scale of the search
         between = tests[name]["between"] if name in tests and tests[name]["between"] is not None else 0.0
-        made.append(_wider(row, c, error, found.degrees[i], {"between": between, "degrees": float(found.degrees[i]), "told": told}, local))
+        doubted = not told and tests[name]["p"] <= PRELIMINARY and len(_tested(tests[name])) >= ENOUGH
+        scatter = {"between": between, "degrees": float(found.degrees[i]), "told": told} if told or doubted else None
+        made.append(_wider(row, c, error, found.degrees[i], scatter, told, local))
     return made
 
 
@@ -103,36 +107,41 @@ def _tested(parameter: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [a for a in parameter["alone"] if a["tested"]]
 
 
-def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Row, local: Local) -> Row:
+def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Row | None, told: bool, local: Local) -> Row:
     """The row with a standard error and an interval that hold for the mean of the recordings."""
     value, error = row["value"], row["standard_error"]
     if error is None or row["status"] not in ("determined", "weak") or row.get("open"):
         return row
     unit = value if coordinate.log else 1.0
-    quantile = float(stdtrit(degrees, 0.5 + LEVEL / 2))
-    reach = quantile * spread
+    noise = error / unit
+    times = times_wider((spread / noise) ** 2, degrees) if noise > 0 else 1.0
+    reach = times * NORMAL * noise
+    if told:
+        reach = max(reach, float(stdtrit(degrees, 0.5 + LEVEL / 2)) * spread)
     ends = (value * np.exp(-reach), value * np.exp(reach)) if coordinate.log else (value - reach, value + reach)
     least, most = coordinate.limits
     low, high = float(max(least, min(ends[0], row["low"]))), float(min(most, max(ends[1], row["high"])))
-    if high - low < NOTICED * (row["high"] - row["low"]):
-        return {**row, "scatter": scatter} if scatter["between"] > 0 else row  # another recording is farther off than the mean
+    if high - low < (NOTICED if told else WORTH) * (row["high"] - row["low"]):
+        return {**row, "scatter": scatter} if scatter and scatter["between"] > 0 else row  # another recording is farther off than the mean
     assert local.linear is not None
     status = judged(coordinate, value, Range(low, high), local.linear.sound)
     # an interval that reaches all that is possible is not the same as data that say nothing
-    wider = {"standard_error": float(max(error, spread * unit)), "low": low, "high": high, "status": "weak" if status == "flat" else status}
+    fresh = max(error, spread * unit) if scatter else times * error
+    wider = {"standard_error": float(fresh), "low": low, "high": high, "status": "weak" if status == "flat" else status}
     before = {k: row[k] for k in wider}
+    more = unit * np.sqrt(max(reach**2 - (NORMAL * noise) ** 2, 0.0))
     return {
         **row, **wider, "by_noise": before, "scatter": scatter,
-        "uncertainty": _stated(row.get("uncertainty"), value, unit * spread, quantile),
+        "uncertainty": _stated(row.get("uncertainty"), value, float(more)),
     }  # fmt: skip
 
 
-def _stated(uncertainty: Row | None, value: float, between: float, quantile: float) -> Row | None:
-    """What errors of instruments make of an interval, and the scatter `between` recordings."""
+def _stated(uncertainty: Row | None, value: float, reach: float) -> Row | None:
+    """What errors of instruments make of an interval, and a scatter between recordings that adds so much to its half width by the noise."""
     if uncertainty is None:
         return None
-    noise, combined = (float(np.hypot(uncertainty[k], between)) for k in ("noise", "combined"))
-    low, high = (float(np.hypot(value - uncertainty[k], quantile * between)) for k in ("low", "high"))
+    noise, combined = (float(np.hypot(uncertainty[k], reach / NORMAL)) for k in ("noise", "combined"))
+    low, high = (float(np.hypot(value - uncertainty[k], reach)) for k in ("low", "high"))
     return {**uncertainty, "noise": noise, "combined": combined, "low": value - low, "high": value + high}
 
 

@@ -44,10 +44,18 @@ def _determined(single: Sequence[Row], free: Sequence[Row], denied: str) -> Iter
     named = [p for p in single if p["status"] == "determined"]
     listed = ", ".join(_told(p) + _uneven(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
     what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
+    listed = "; ".join(t for t in (listed, _counted(good)) if t)
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     if denied:
         text += f" The intervals take residuals as independent, and those of {denied} are not."
     yield say("warning" if denied else "good" if len(good) == total else "info", text, determined=len(good))
+
+
+def _counted(good: Sequence[Row]) -> str:
+    """How many entries of each table are among them; sentences of their own tell which are not."""
+    entries = [p.get("parameter", p["name"]) for p in good if p.get("index")]
+    told = [f"{entries.count(n)} {'entry' if entries.count(n) == 1 else 'entries'} of {n}" for n in dict.fromkeys(entries)]
+    return some(told, 9) if told else ""
 
 
 def _uneven(p: Row) -> str:

@@ -70,10 +70,10 @@ def added(path: str, names: Sequence[str], json: bool) -> Path:
 def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
     """Fit a study and try additions: those asked for, which are looked up before the fit, else all."""
     from plantfit.fitting import fit
-    from plantfit.trust.diagnosis.carrier import rows_of
     from plantfit.trust.diagnosis.catalogue import catalogue
     from plantfit.trust.diagnosis.diagnose import chosen, demand_treatable
     from plantfit.trust.diagnosis.diagnose import diagnose as tried
+    from plantfit.trust.diagnosis.plant.carrier import rows_of
 
     search = study.plan
     demand_treatable(study.problem)

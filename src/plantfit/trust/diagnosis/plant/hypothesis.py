@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plantfit.models.extensions.kinds import KINDS
+from plantfit.models.extensions.of_packages import packages_kinds
 from plantfit.trust.diagnosis.candidates import Before, Behind, Law
-from plantfit.trust.diagnosis.carrier import Carrier
 from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.plant.carrier import Carrier
 
 STEP = 1e-4  # of the size of an addition: by how much it is moved for a derivative
 DAMPING, GROWTH, LEAST = 1e-3, 4.0, 1e-9
@@ -74,7 +76,7 @@ def evaluate(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, th
     rows = carrier.rows
     predicted, jacobian = carrier.at(x, _inputs(carrier, additions, theta))
     jacobian = np.hstack([jacobian, np.zeros((len(predicted), len(additions)))])
-    for k, a in enumerate(additions):
+    for k, a in _in_order(additions):
         if isinstance(a.candidate, Behind):
             column = len(carrier.names) + k
             predicted, jacobian = _behind(carrier, a.signal, a.candidate.law, column, float(theta[k]), predicted, jacobian)
@@ -83,7 +85,7 @@ def evaluate(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, th
 
 
 def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict[str, dict[str, np.ndarray]] | None:
-    own = [(k, a.signal, a.candidate.law) for k, a in enumerate(additions) if isinstance(a.candidate, Before)]
+    own = [(k, a.signal, a.candidate.law) for k, a in reversed(_in_order(additions)) if isinstance(a.candidate, Before)]
     if not own:
         return None
     held = carrier.problem.predictor.stepping().interpolated
@@ -94,6 +96,12 @@ def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray)
             inputs[u] = law(t, inputs[u], float(theta[k]), u not in held)
         made[name] = inputs
     return made
+
+
+def _in_order(additions: Sequence[Extension]) -> list[tuple[int, Extension]]:
+    """Places and additions as the study file has them, the nearest to the plant first, whichever was found first."""
+    kinds = (*KINDS, *packages_kinds())
+    return sorted(enumerate(additions), key=lambda one: kinds.index(one[1].kind))
 
 
 def _behind(

@@ -6,6 +6,7 @@ parameters of the compiled model whose effect is nothing at zero. So all additio
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from plantfit.simulate.simulator import Drive
 from plantfit.space import Parameter
 from plantfit.trust.diagnosis.candidates import Inside, candidates
 from plantfit.trust.diagnosis.meter import Meter
+from plantfit.trust.diagnosis.plant.input_places import InputPlaces
+
+import jax.numpy as jnp
 
 WIDE = 50.0  # bounds of an effect inside the plant, in sizes that would be seen at once
 CREEP = 0.02  # of the spread of a velocity: where dry friction is whole
@@ -77,25 +81,33 @@ class Carrier:
         for kind, states in kinds.items():
             for s in states:
                 spread, rate = sizes[s]
-                wide = WIDE * inside_the_plant[kind].size(spread, rate)
+                # powers of two, and creep in round numbers: what is compiled for one recording serves another of the same plant
+                wide = 2.0 ** np.ceil(np.log2(WIDE * inside_the_plant[kind].size(spread, rate)))
                 bounds[kind][s] = (-wide, wide)
                 changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and inside_the_plant[kind].per_recording)
                 if kind == "coulomb":
-                    creeps[s] = float(f"{CREEP / sharp * spread:.2g}")
+                    creeps[s] = _round(CREEP / sharp * spread)
                     changes[f"creep_{s}"] = Parameter(value=creeps[s])
-        extended = with_extensions(model, bounds) if bounds else model
         inputs = {n: {u: _jittered(e.recording[u]) for u in model.inputs} for n, e in problem.experiments.items()}
-        experiments = {
-            n: replace(e, recording=_filled(e.recording, inputs[n], model.outputs), fit=(-np.inf, np.inf), validate=None, skip=0.0)
-            for n, e in problem.experiments.items()
-        }
+        filled = {n: _filled(e.recording, inputs[n], model.outputs) for n, e in problem.experiments.items()}
         simulator = problem.predictor.stepping()
-        made = Problem(
-            extended, experiments, changes, scales=problem.scales, stepper=simulator.stepper, substeps=sharp * simulator.substeps,
-            hold={u: "linear" if u in simulator.interpolated else "previous" for u in model.inputs}, name=problem.name,
-        )  # fmt: skip
+
+        def build() -> Problem:
+            experiments = {
+                n: replace(e, recording=filled[n], fit=(-np.inf, np.inf), validate=None, skip=0.0) for n, e in problem.experiments.items()
+            }
+            return Problem(
+                with_extensions(model, bounds) if bounds else model, experiments, changes, scales=problem.scales,
+                stepper=simulator.stepper, substeps=sharp * simulator.substeps,
+                hold={u: "linear" if u in simulator.interpolated else "previous" for u in model.inputs}, name=problem.name,
+            )  # fmt: skip
+
         if problem.mesh:
-            made = made.with_mesh({n: m for n, m in problem.mesh.items() if n in experiments})
+            made = build()
+            made = made.with_mesh({n: m for n, m in problem.mesh.items() if n in made.experiments})
+        else:
+            key = "carrier", sharp, simulator.stepper, simulator.substeps, str(bounds), str(creeps)
+            made = problem.once(key, build).with_recordings(filled).with_scales(problem.scales)
         order = [made.space.names.index(n) for n in problem.space.names]
         inside = {
             (kind, s): tuple(i for i, c in enumerate(made.space.coordinates) if c.parameter == parameter_name(kind, s))
@@ -110,7 +122,7 @@ class Carrier:
         """Of one call of `at`, in evaluations of the cost."""
         return self.sharp * self.problem.jacobian_charge
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Coordinates of the carrier: those of the problem in its order, then the effects inside."""
         return (*self.given.space.names, *(n for n in self.problem.space.names if n not in self.given.space.names))
@@ -118,21 +130,38 @@ class Carrier:
     def at(self, x: np.ndarray, inputs: Inputs | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in their units."""
         self.meter.charge(self.charge)
+        places, width = self._columns
+        own = np.arange(len(x)) < self.own
+        cube = np.empty(len(x))
+        cube[places] = np.where(own, x, 0.5 + x / width)
+        problem, numbers = self.problem, None
+        if inputs is not None:
+            jittered = {n: {u: _jittered(v) for u, v in changed.items()} for n, changed in inputs.items()}
+            numbers = None if self._places is None else self._places.filled(jittered)
+            if numbers is None:
+                problem = problem.with_recordings(self._recordings(jittered))
+        numbers = problem.arguments if numbers is None else numbers
+        r, jacobian = problem.compiled["residuals_and_jacobian"](jnp.asarray(cube), numbers)
+        return np.asarray(r) + self._measured, np.asarray(jacobian)[:, places] / width
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of every coordinate its place among those of the compiled problem (d,), and its width: 1 of the problem's own."""
         space = self.problem.space
         places = np.array([space.names.index(n) for n in self.names])
-        width = np.where(np.arange(len(x)) < self.own, 1.0, (space.upper - space.lower)[places])
-        cube = np.empty(len(x))
-        cube[places] = np.where(np.arange(len(x)) < self.own, x, 0.5 + x / width)
-        problem = self.problem if inputs is None else self.problem.with_recordings(self._recordings(inputs))
-        r, jacobian = problem.residuals_and_jacobian(cube)
-        return r + self._measured, jacobian[:, places] / width
+        return places, np.where(np.arange(len(places)) < self.own, 1.0, (space.upper - space.lower)[places])
+
+    @cached_property
+    def _places(self) -> InputPlaces | None:
+        """Where inputs stand in what is compiled; None where they are not simply copied there."""
+        return InputPlaces.of(self.problem, self.inputs, lambda inputs: self.problem.with_recordings(self._recordings(inputs)).arguments)
 
     @property
     def x(self) -> np.ndarray:
         """The answer (d,), all effects nothing."""
         return np.r_[self.z, np.zeros(len(self.names) - self.own)]
 
-    @property
+    @cached_property
     def _measured(self) -> np.ndarray:
         data = self.problem.data["measured"]
         return np.concatenate([data[n][o] / self.problem.scales[o] for n in data for o in self.problem.outputs])
@@ -140,7 +169,7 @@ class Carrier:
     def _recordings(self, inputs: Inputs) -> dict[str, Recording]:
         made = {}
         for n, e in self.problem.experiments.items():
-            changed = {u: Signal(_jittered(v), e.recording.signals[u].unit) for u, v in inputs.get(n, {}).items()}
+            changed = {u: Signal(v, e.recording.signals[u].unit) for u, v in inputs.get(n, {}).items()}
             made[n] = Recording(e.recording.t, {**e.recording.signals, **changed}, n)
         return made
 
@@ -178,6 +207,12 @@ def _filled(recording: Recording, inputs: Mapping[str, np.ndarray], outputs: Map
 def _jittered(u: np.ndarray) -> np.ndarray:
     size = float(np.std(u)) or max(float(np.max(np.abs(u), initial=0.0)), 1.0)
     return u + JITTER * size * (np.arange(len(u)) % 2)
+
+
+def _round(value: float) -> float:
+    """The number of the series 1, 2, 5 that is nearest by its logarithm."""
+    tens = 10.0 ** np.floor(np.log10(value))
+    return float(f"{tens * min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(np.log(value / tens / m))):.1g}")
 
 
 def _sizes(problem: Problem, z: np.ndarray) -> dict[str, tuple[float, float]]:

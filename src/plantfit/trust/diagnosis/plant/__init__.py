@@ -1,0 +1,1 @@
+"""The fitted plant as a function of its inputs and of additions, and its fits."""
