@@ -97,7 +97,7 @@ def measured(case: str, seed: int) -> dict[str, Any]:
     row: dict[str, Any] = {"case": case, "seed": seed, "truth": truth, "open": list(found.drawn.open)}
     row["fitted"] = {n: float(answer.values[n]) for n in BOX}
     form = design.best.form
-    judge = Judge.of(own, start, design.course, design.wishes.quantum, form.loop)
+    judge = Judge.of(own, start, design.course, design.wishes.quantum, form)
     both = judged_on(
         judge, form, [r.parameters for r in design.rows[:2]], sampled_response(rest, PERIOD, w), w, design.wishes, 1 + integrators(rest)
     )

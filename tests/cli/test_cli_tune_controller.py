@@ -181,7 +181,7 @@ def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_pla
     f = frequencies(w.period, slowest(d.reduced), FINE)
     h = sampled_response(rest, w.period, f)
     for row in d.rows:
-        judge = Judge.of(fresh, start, d.course, w.quantum, row.form.loop)
+        judge = Judge.of(fresh, start, d.course, w.quantum, row.form)
         share = float(np.mean(judged_on(judge, row.form, [row.parameters], h, f, w, 1).kept))
         print(f"{row.name} ({row.form.name}): promised {100 * row.share:.1f} %, fresh {100 * share:.1f} %")
         assert share == pytest.approx(row.share, abs=0.03)
