@@ -32,10 +32,10 @@ STARTS = 64  # servos that are tried before a search begins at the best of them
 class Form:
     """What a kind of controller is for a search.
 
-    `build(z, data)` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, whose
-    parameters are (these, the input at rest, *`given`); programs are compiled once for a `build` and a `response`, for all `data`. `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the
-    controller's own poles outside the unit circle. `starts` (k, d) are points of the cube to begin with; `plan` is
-    that of an MPC.
+    `build(z, data)` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which
+    takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a `response`, for all `data` and `given`.
+    `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the controller's own poles outside
+    the unit circle. `starts` (k, d) are points of the cube to begin with; `plan` is that of an MPC.
     """
 
     name: str

@@ -72,7 +72,7 @@ class Search:
 def _in_rows(costs: CostOfData, points: np.ndarray) -> np.ndarray:
     """Costs (k,) of points (k, d), as many at a time as in the search, so that nothing is compiled for their number."""
     padded = np.concatenate([points, np.repeat(points[:1], -len(points) % LANES, axis=0)])
-    found = [np.asarray(costs(padded[k : k + LANES])) for k in range(0, len(padded), LANES)]
+    found = [np.asarray(costs(jnp.asarray(padded[k : k + LANES]))) for k in range(0, len(padded), LANES)]
     return np.concatenate(found)[: len(points)]
 
 
