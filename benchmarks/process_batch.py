@@ -96,11 +96,11 @@ class Bench:
         small = reduced(rest, 0.5 * period)
         wishes = Wishes(1.0, 1.0, 1.0, period, -1e4, 1e4, overshoot=1e3)
         form = pid_form(small, sign_of(rest)[0], wishes, {"SIMC": _rule("SIMC", small)}, None)
-        return cls(plant, rest, small, wishes, Judge.of(plant, start, StepAndLoad(0.0, 1.0, 1.0, seconds, period), 0.0, form.loop))
+        return cls(plant, rest, small, wishes, Judge.of(plant, start, StepAndLoad(0.0, 1.0, 1.0, seconds, period), 0.0, form))
 
     def figures(self, gains: Any) -> dict[str, float]:
         """IAE of step (s) and load (s), overshoot (%) and Ms of a PID."""
-        scores = jax.jit(self.judge.scores)(stacked_controllers([gains]))
+        scores = self.judge.scores(stacked_controllers([gains]))
         w = frequencies(self.wishes.period, slowest(self.small), FINE)
         form = self._form(self.wishes)
         loop = form.response(gains, w)[None, :] * sampled_response(self.rest, self.wishes.period, w)

@@ -153,6 +153,38 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
 
 
 @pytest.mark.slow
+def test_an_mpc_by_command_its_page_its_c_and_what_record_reads_of_it(place, tmp_path):
+    """Tuned with a limit of the rate; driven sample by sample as `plantfit record --controller` does, it holds the known plant."""
+    words = ("--controller", "mpc", "--rate", "20 %/s", "--budget", "30", "--out", tmp_path / "mpc.html", "--json")
+    done = subprocess.run(
+        [*PLANTFIT, "tune", "heater.toml", *map(str, words)], cwd=place, capture_output=True, text=True, timeout=900
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["form"] == "MPC"
+    assert told["plan"]["moves"][0] == 1
+    assert [r["form"] for r in told["controllers"][:4]] == ["MPC", "MPC", "LQI", "PID"]
+    assert "MPC" in (tmp_path / "mpc.html").read_text("utf-8")
+    files = {f.rsplit("/", 1)[-1]: f for f in told["files"]}
+    assert {"mpc.html", "mpc.json", "heater_mpc.c", "heater_mpc.h"} == set(files)
+    if shutil.which("gcc") is not None:
+        subprocess.run(["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", files["heater_mpc.c"]], check=True)
+    from plantfit.rig.offered.tuned import read_tuned
+
+    tuned = read_tuned(files["mpc.json"])
+    w, running = told["wishes"], tuned.running()
+    h, y, u = w["period"], 21.0, [0.0] * 20  # T = 21 + 0.8 u, tau 40 s, 3.4 s late, at rest without power
+    running.begin(y)
+    past = round(3.4 / h)
+    for _ in range(round(240 / h)):
+        u.append(running.update(y, w["set_point"]))
+        assert w["lower"] - 1e-9 <= u[-1] <= w["upper"] + 1e-9
+        y += (1.0 - np.exp(-h / 40.0)) * (21.0 + 0.8 * u[-1 - past] - y)
+    assert y == pytest.approx(w["set_point"], abs=0.05 * abs(w["step"]))
+    assert np.max(np.abs(np.diff(u[21:]))) <= 20.0 * h + 1e-9
+
+
+@pytest.mark.slow
 def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_plants_within_three_percent(place, tmp_path):
     """Both forms, 1000 plants that judge and 1000 others of the same distribution; page and C file of the LQI."""
     import plantfit as pf
@@ -181,7 +213,7 @@ def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_pla
     f = frequencies(w.period, slowest(d.reduced), FINE)
     h = sampled_response(rest, w.period, f)
     for row in d.rows:
-        judge = Judge.of(fresh, start, d.course, w.quantum, row.form.loop)
+        judge = Judge.of(fresh, start, d.course, w.quantum, row.form)
         share = float(np.mean(judged_on(judge, row.form, [row.parameters], h, f, w, 1).kept))
         print(f"{row.name} ({row.form.name}): promised {100 * row.share:.1f} %, fresh {100 * share:.1f} %")
         assert share == pytest.approx(row.share, abs=0.03)

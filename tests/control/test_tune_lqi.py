@@ -220,7 +220,7 @@ def test_the_promised_share_holds_on_a_thousand_fresh_plants_within_three_percen
     w = frequencies(0.5, 12.0, 1200)
     h = sampled_response(rests[1], 0.5, w)
     for row in found.rows[:3]:
-        judge = Judge.of(fresh, rests[0], found.course, 0.0, row.form.loop)
+        judge = Judge.of(fresh, rests[0], found.course, 0.0, row.form)
         share = float(np.mean(judged_on(judge, row.form, [row.parameters], h, w, ASKED, 1).kept))
         print(f"{row.name}, {row.form.name}: promised {row.share:.3f}, fresh {share:.3f}")
         assert share == pytest.approx(row.share, abs=0.03)

@@ -186,7 +186,7 @@ def scores(plant, wishes, weights, lags=None):
     found = []
     for form in (mpc, lqi):
         made = form.made(form.space.cube(np.array(weights)))
-        judge = Judge.of(plant, start, course, wishes.quantum, form.loop)
+        judge = Judge.of(plant, start, course, wishes.quantum, form)
         seen = jax.jit(judge.scores)(jax.tree.map(lambda v: jnp.asarray(v)[None], made))
         found.append({k: float(v[0, 0]) for k, v in seen._asdict().items()})
     return found

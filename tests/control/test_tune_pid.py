@@ -92,7 +92,7 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
 def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
     fresh = family(1000, 77)
     rests = [fresh.at_rest(level, (-10.0, 0.0, 10.0)) for level in (3.0, 5.0)]
-    judge = Judge.of(fresh, rests[0], design.course, 0.0, design.best.form.loop)
+    judge = Judge.of(fresh, rests[0], design.course, 0.0, design.best.form)
     w = frequencies(0.5, 12.0, 1200)
     h = sampled_response(rests[1], 0.5, w)
     for row in design.rows[:2]:

@@ -2,15 +2,22 @@
 
 import json
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tuned_files import tuned_file
 
 import plantfit as pf
+from plantfit.control.tune import Wishes
 from plantfit.errors import PlantfitError, RecordingError, SimulationError, UnitError
 from plantfit.recording import read_csv
 from plantfit.rig.offered import names, offered, record_rig
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
+from cli_call import call  # pyright: ignore[reportMissingImports]
 
 STEAM = {"k": 0.4, "A1": 30.0, "A2": 150.0, "Td": 0.53}
 IDEAL = {**STEAM, "transducer_limit": 0, "card_limit": 0}
@@ -221,6 +228,37 @@ def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
         beyond = (wanted > 9.0 and added > 0) or (wanted < -9.0 and added < 0)
         integral, last = integral + (0.0 if beyond else added), e
         assert record["V"][k] == pytest.approx(step * round(min(max(wanted, -9.0), 9.0) / step), abs=1e-9), k
+
+
+@pytest.mark.parametrize("kind", ["lqi", "mpc"])
+def test_an_lqi_and_an_mpc_drive_the_motor_as_well(capsys, monkeypatch, tmp_path, kind):
+    """By command: the voltages are those of the controller on the recorded readings, and its load takes friction away."""
+    from plantfit.rig.offered.dc_motor import TRUTH, board_rig
+    from plantfit.rig.offered.tuned import read_tuned
+
+    damping = TRUTH["Cm"] + TRUTH["Kt"] * TRUTH["Kb"] / TRUTH["Rm"]
+    model = pf.equations("w' = (K*V - w)/tau", inputs=["V"], states=["w"], outputs=["w"], parameters=["K", "tau"], name="motor")
+    values = {"K": TRUTH["Kt"] / TRUTH["Rm"] / damping, "tau": TRUTH["Jm"] / damping}
+    wishes = Wishes(40.0, 20.0, 0.5, 0.02, -9.0, 9.0, controller=kind)
+    file = tuned_file(tmp_path, model, values, wishes, (0.3, 10.0, 0.3, 0.2), ("rad/s", "V"))
+    said = call(
+        capsys, monkeypatch, "rig", "dc_motor", "--controller", file, "--seed", "4", "--duration", "6s", "--exact",
+        "--out", tmp_path / "m.csv",
+    )  # fmt: skip
+    assert said.code == 0, said.err
+    record, exact = pf.read_csv(tmp_path / "m.csv"), pf.read_csv(tmp_path / "m.exact.csv")
+    assert exact["w"][-50:] == pytest.approx(40.0, rel=0.02)
+    assert exact["w"][len(record) // 2 - 50 : len(record) // 2 - 1] == pytest.approx(20.0, rel=0.04)
+    assert any(f"In a loop with the {kind.upper()} of {file.name} (1 states and the load estimated" in line for line in record.log)
+    rig = board_rig(TRUTH)
+    rig = type(rig)(**{**{n: getattr(rig, n) for n in rig.__dataclass_fields__}, "period": 0.02, "substeps": 40})
+    raw = rig.record(4, pf.from_arrays({"t": record.t, "V": record["V"]}, units={"V": "V"}))
+    period, step = raw.recording["Tp"], rig.volts_per_count
+    speed = np.where(np.abs(period) >= rig.timeout, 0.0, 2 * np.pi / rig.pulses / period)
+    controller = read_tuned(file).running()
+    controller.begin(0.0)
+    for k, (y, r) in enumerate(zip(speed, record["w_set"], strict=True)):
+        assert record["V"][k] == pytest.approx(step * round(controller.update(y, r) / step), abs=1e-9), k
 
 
 def test_set_points_of_a_loop_are_given_in_any_unit_and_slips_are_told(tmp_path):

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from firmware_host import SCALE, build, read_truth, running
+from tuned_files import tuned_file
 
+from plantfit.control.tune import Wishes
 from plantfit.errors import BoardError, RecordingError
+from plantfit.models.text.equations import equations
 from plantfit.recording import read_csv
 from plantfit.recording.excitation import prbs
 from plantfit.rig.board import record
@@ -64,6 +67,33 @@ def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tun
     assert len(set(driven)) > 10
     assert any("Driven from angle by the PID of motor-tune.json, every 0.05 s; set points: angle = 10, 25 rad" in line for line in got.log)
     assert any(f"The controller on this computer gave {len(got)} commands" in line for line in got.log)
+
+
+@pytest.mark.parametrize("kind", ["lqi", "mpc"])
+def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program, tmp_path, kind):
+    """For the motor that the host's firmware simulates (firmware/host/sim_motor.c), without its winding and its dry friction."""
+    damping = 1.2e-5 + 0.025**2 / 2.8
+    text = "angle' = w\nw' = (K*V - w)/tau"
+    model = equations(text, inputs=["V"], states=["angle", "w"], outputs=["angle"], parameters=["K", "tau"], name="motor")
+    values = {"K": 0.98 * 0.025 / 2.8 / damping, "tau": 2.5e-5 / damping}
+    wishes = Wishes(25.0, 15.0, 0.1, PERIOD, -10.0, 10.0, controller=kind, horizon=5.0)
+    file = tuned_file(tmp_path, model, values, wishes, (1.0, 1.0, 0.3, 0.3), ("rad", "V"))
+    with running(program, "--truth", tmp_path / "truth", "--watchdog", 3000) as port:
+        said = call(capsys, monkeypatch, "record", "--port", port, "--controller", file, "--out", tmp_path / "run.csv", "--json")
+    assert said.code == 0, said.err
+    got, truth = read_csv(tmp_path / "run.csv"), read_truth(tmp_path / "truth")
+    assert set(np.unique(got["angle_set"])) == {10.0, 25.0}
+    assert np.mean(got["angle"][(got.t > 1.9) & (got.t < 2.4)]) == pytest.approx(10.0, abs=1.0)
+    assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(25.0, abs=1.0)  # its load takes dry friction away, but for hunting
+    controller = read_tuned(file).running()
+    controller.begin(float(got["angle"][0]))
+    wanted = [round(controller.update(y, r) / SCALE[0]) for y, r in zip(got["angle"], got["angle_set"], strict=True)]
+    driven = truth.drives[:, 1][truth.drives[:, 0] >= truth.samples[0, 1]]
+    assert driven[-1] == 0
+    place = iter(wanted)
+    assert all(raw in place for raw in driven[np.flatnonzero(driven)])
+    assert len(set(driven)) > 10
+    assert any(f"Driven from angle by the {kind.upper()} of {file.name}, every 0.05 s" in line for line in got.log)
 
 
 def test_a_silent_machine_stops_the_motor_and_the_loop_begins_anew(program, tuned, tmp_path):

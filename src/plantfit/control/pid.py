@@ -1,6 +1,7 @@
 """A discrete PID controller in parallel form."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
@@ -86,12 +87,23 @@ def pid(
     Raises SimulationError for a period, limits or anti-windup that cannot work.
     """
     follow = checked(Settings(period, lower, upper, anti_windup, tracking_time)).follow
+    init, law = pid_law(period, anti_windup)
+
+    def update(state, measurement, reference, gains):
+        return law(state, measurement, reference, gains, lower, upper, follow)
+
+    return Controller(init, update)
+
+
+def pid_law(period: float, anti_windup: str) -> tuple[Callable[..., PidState], Callable[..., tuple[PidState, Any]]]:
+    """`pid` with limits and follow (share of the excess that back-calculation takes off) as further arguments: init(measurement, gains),
+    update(state, measurement, reference, gains, lower, upper, follow)."""
 
     def init(measurement, gains):
         zero = jnp.zeros_like(measurement)
         return PidState(zero, zero, zero, (gains.c - 1.0) * measurement)
 
-    def update(state, measurement, reference, gains):
+    def update(state, measurement, reference, gains, lower, upper, follow):
         error, weighted = reference - measurement, gains.c * reference - measurement
         added = (0.5 * period) * gains.Ki * (error + state.error)
         change = gains.Kd * (weighted - state.weighted)
@@ -106,7 +118,7 @@ def pid(
             integral = integral + follow * (command - wanted)
         return PidState(integral, derivative, error, weighted), command
 
-    return Controller(init, update)
+    return init, update
 
 
 def checked(settings: Settings) -> Settings:

@@ -158,6 +158,20 @@ class Objective:
     noise_floor: float | None = None  # expected cost at the truth when known
 
 
+@dataclass(frozen=True, eq=False)
+class CostOfData:
+    """Costs as `Objective` takes them, of a `function(x, data)` that is compiled once for all `data` (a pytree of arrays) of one shape.
+
+    `function` maps ((n, d), data) to (n,), is jax-traceable and pure, and is found again by its hash.
+    """
+
+    function: Callable[[Array, Any], Array]
+    data: Any
+
+    def __call__(self, x: Array) -> Array:
+        return self.function(x, self.data)
+
+
 @dataclass(frozen=True)
 class RunResult:
     """One seeded run: plain values only, so that a store can keep it.

@@ -1,9 +1,10 @@
-"""A DC motor's rig under a PID of its speed, which reads the encoder's timer sample by sample as the board does."""
+"""A DC motor's rig under a controller of its speed, which reads the encoder's timer sample by sample as the board does."""
+
+from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.pid import Gains
 from plantfit.errors import SimulationError
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.dc_motor import DcMotorRig, motor_of, run_motor
@@ -14,10 +15,10 @@ from plantfit.units import factor_offset
 import jax
 
 
-def driven_by_pid(
-    rig: DcMotorRig, seed: int, law: Controller, gains: Gains, set_points: np.ndarray, units: tuple[str | None, str | None]
+def driven_by_controller(
+    rig: DcMotorRig, seed: int, law: Controller, parameters: Any, set_points: np.ndarray, units: tuple[str | None, str | None]
 ) -> Recording:
-    """The voltage V (N,) that the PID gives along `set_points` (N,), one every period of the rig, from rest.
+    """The voltage V (N,) that a controller with these parameters gives along `set_points` (N,), one every period of the rig, from rest.
 
     `record(seed, it)` of the rig is the loop's record: the same encoder, the same motion. `units` of speed and voltage are the
     controller's; `set_points` are in its unit. Without a pulse for the rig's timeout (s), or since the start, the speed reads 0.
@@ -34,8 +35,8 @@ def driven_by_pid(
     fine = np.arange((n - 1) * rig.substeps + 1) * step
     turned, w = np.zeros(len(fine)), np.zeros(len(fine))
     volts, x = np.zeros(n), (0.0, 0.0)
-    update = jax.jit(lambda state, read, wanted: law.update(state, read, wanted, gains))
-    state = law.init(np.zeros(()), gains)
+    update = jax.jit(lambda state, read, wanted: law.update(state, read, wanted, parameters))
+    state = law.init(np.zeros(()), parameters)
     for k in range(n):
         end = k * rig.substeps
         window = slice(max(0, end - back), end + 1)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.linear.predictive.servo_mpc import Predictive, servo_mpc
 from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
-from plantfit.control.pid import Gains
+from plantfit.control.pid import Gains, Settings, checked
 from plantfit.control.tune.frequency import pid_response
-from plantfit.control.tune.loop_scores import from_rest, limited_pid, slewed
+from plantfit.control.tune.loop_scores import Limits, from_rest, pid_of_limits, slewed
 from plantfit.control.tune.reduction import Reduced, slowest
 from plantfit.control.tune.rules import FILTER, Isa, rule_gains
 from plantfit.control.tune.weights.plan_weights import PlanShape
@@ -22,6 +23,8 @@ from plantfit.simulate.loop.closed_loop import Controller
 from plantfit.sobol import Sobol
 from plantfit.space import Parameter, Space
 
+import jax.numpy as jnp
+
 STARTS = 64  # servos that are tried before a search begins at the best of them
 
 
@@ -29,20 +32,26 @@ STARTS = 64  # servos that are tried before a search begins at the best of them
 class Form:
     """What a kind of controller is for a search.
 
-    `made` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which also takes
-    the input at rest; `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the
-    controller's own poles outside the unit circle. `starts` (k, d) are points of the cube to begin with; `plan` is
-    that of an MPC.
+    `build(z, data)` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which
+    takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a `response`, for all `data` and `given`.
+    `response(parameters, w, xp)` is C(e^(jwh)) from the error with no limit acting, `unstable` counts the controller's own poles outside
+    the unit circle. `starts` (k, d) are points of the cube to begin with; `plan` is that of an MPC.
     """
 
     name: str
     space: Space
-    made: Callable[[Any], Any]
+    build: Callable[[Any, Any], Any]
     response: Callable[..., Any]
     loop: Controller
     unstable: Callable[[Any], int]
     starts: np.ndarray
     plan: PlanShape | None = None
+    data: Any = ()
+    given: tuple[Any, ...] = ()
+
+    def made(self, z: Any) -> Any:
+        """Parameters of the controller at a point z (d,) of the cube."""
+        return self.build(z, self.data)
 
 
 def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa], tracking_time: float | None) -> Form:
@@ -60,18 +69,36 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
         ranges |= {"Td": Parameter((0.01 * dead, 2.0 * slow), scale="log"), "ratio": Parameter((2.0, 30.0), scale="log")}
     space = Space(ranges)
 
-    def made(z):
-        v = dict(zip(space.names, space.physical(z), strict=True))
+    loop = slewed(pid_of_limits(wishes.period, wishes.anti_windup), _change(wishes))
+    follow = checked(Settings(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)).follow
+    limits = Limits(wishes.lower, wishes.upper, follow)
+    starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
+    name, build, response = "PID" if derivative else "PI", _pid_built(tuple(space.names), tuple(space.log)), _pid_answer(wishes.period)
+    return Form(name, space, build, response, loop, lambda _: 0, starts, data=(space.lower, space.upper, float(sign)), given=(limits,))
+
+
+@lru_cache(maxsize=32)
+def _pid_built(names: tuple[str, ...], log: tuple[bool, ...]) -> Callable[[Any, Any], Gains]:
+    """Gains at a point of the cube of a space whose bounds are data: (lower, upper, sign)."""
+    logarithmic = np.array(log)
+
+    def built(z, data):
+        lower, upper, sign = data
+        low, high = jnp.log(jnp.where(logarithmic, lower, 1.0)), jnp.log(jnp.where(logarithmic, upper, 1.0))
+        v = dict(zip(names, jnp.where(logarithmic, jnp.exp(low + z * (high - low)), lower + z * (upper - lower)), strict=True))
         gain = sign * v["K"]
         td = v.get("Td", 0.0)
         return Gains(gain, gain / v["Ti"], gain * td, v["b"], 0.0, td / v.get("ratio", FILTER))
 
-    def response(gains, w, xp=np):
-        return pid_response(gains, wishes.period, w, xp)
+    return built
 
-    loop = slewed(limited_pid(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time), _change(wishes))
-    starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
-    return Form("PID" if derivative else "PI", space, made, response, loop, lambda _: 0, starts)
+
+@lru_cache(maxsize=32)
+def _pid_answer(period: float) -> Callable[..., Any]:
+    def response(gains, w, xp=np):
+        return pid_response(gains, period, w, xp)
+
+    return response
 
 
 def _coordinates(isa: Isa, names: Sequence[str]) -> np.ndarray:
@@ -89,7 +116,7 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     point; spread evenly, its starts are tried for good regions of the cube, of which there are several."""
     space = _weights(small)
 
-    def made(z):
+    def built(z, _):
         rho, wander, shaken, seconds = space.physical(z)
         return plant.servo(rho, wander, shaken * wander, seconds)
 
@@ -98,14 +125,14 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
 
     loop = slewed(from_rest(servo(wishes.period, lower=wishes.lower, upper=wishes.upper)), _change(wishes))
     starts = Sobol(space.dimension, np.random.default_rng(1)).random(STARTS)
-    return Form("LQI", space, made, response, loop, unstable_poles, starts)
+    return Form("LQI", space, built, response, loop, unstable_poles, starts)
 
 
 def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarray) -> Form:
     """A predictive LQ servo in the same four numbers; `starts` are those of LQ servos, as it is one where no limit acts."""
     space, plan = _weights(small), PlanShape.of(plant, small, wishes)
 
-    def made(z):
+    def built(z, _):
         rho, wander, shaken, seconds = space.physical(z)
         return plan.predictive(rho, wander, shaken * wander, seconds)
 
@@ -113,7 +140,7 @@ def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarr
         return servo_response(parameters.servo, wishes.period, w, xp)
 
     loop = slewed(from_rest(servo_mpc(len(plan.lengths), plan.rated)), _change(wishes))
-    return Form("MPC", space, made, response, loop, lambda given: unstable_poles(given.servo), starts, plan)
+    return Form("MPC", space, built, response, loop, lambda given: unstable_poles(given.servo), starts, plan)
 
 
 def _weights(small: Reduced) -> Space:

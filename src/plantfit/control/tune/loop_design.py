@@ -144,17 +144,18 @@ def tuned_loop(
         forms = [lqi_form(servo_plant, small, wishes), *forms]
         if wishes.controller == "mpc":
             forms = [mpc_form(servo_plant, small, wishes, forms[0].starts), *forms]
-    judges = {form.name: Judge.of(family, start, course, wishes.quantum, form.loop) for form in forms}
+    judges = {form.name: Judge.of(family, start, course, wishes.quantum, form) for form in forms}
     slow, count = slowest(small), 1 + integrators(rest)
     w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
     h, fine_h = sampled_response(first[1], wishes.period, w), sampled_response(rest, wishes.period, fine)
-    simc = judges[pid.name].part(slice(0, 1)).scores(stacked_controllers([rules["SIMC"].gains()]))
+    alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
+    simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
     step, load = (float(v[0, 0]) for v in (simc.iae, simc.load_iae))
     sizes = (step if 0 < step < np.inf else 1.0, load if 0 < load < np.inf else 1.0)
     named: list[tuple[str, Form, Any, str]] = []
     points: np.ndarray | None = None  # of the form before, which an MPC begins at: its weights are those of an LQI
     for form in reversed(forms):
-        search = Search(Judge.of(train, first[0], course, wishes.quantum, form.loop), h, w, wishes, form, sizes)
+        search = Search(Judge.of(train, first[0], course, wishes.quantum, form), h, w, wishes, form, sizes)
         starts = form.starts if form.plan is None or points is None else points
         nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, progress)
         robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, progress)
@@ -218,7 +219,7 @@ def judged_on(
 ) -> Judged:  # fmt: skip
     """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F); `count` poles of every loop lie
     at 1."""
-    scores = jax.jit(judge.scores)(stacked_controllers(list(controllers)))
+    scores = judge.scores(stacked_controllers(list(controllers)))
     scores = LoopScores(*(np.asarray(v) for v in scores))
     ms, stable, moved = [], [], []
     weights = np.gradient(w) / np.pi * wishes.period

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, NamedTuple
+from functools import lru_cache, partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.pid import pid
-from plantfit.control.tune.one_loop import LOAD, REST, OneLoop, Rest
+from plantfit.control.pid import Settings, checked, pid_law
+from plantfit.control.tune.one_loop import LEVEL, LOAD, REST, OneLoop, Rest
 from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, Observer
 
 import jax
@@ -59,6 +59,10 @@ class StepAndLoad:
         """The load (N,) of every sample."""
         return np.where(np.arange(self.samples) >= self.begin, self.load, 0.0)
 
+    def reference(self) -> dict[str, float]:
+        """What the loop follows and what its observer judges by."""
+        return {LEVEL: self.level, "step": self.level - self.start, "lowest": self.lowest, "highest": self.highest}
+
 
 def from_rest(controller: Controller) -> Controller:
     """A controller whose parameters are (its own, the input at rest), with commands counted from that input, as loops here take them."""
@@ -70,6 +74,7 @@ def from_rest(controller: Controller) -> Controller:
     return Controller(controller.init, update)
 
 
+@lru_cache(maxsize=32)
 def slewed(controller: Controller, most: float) -> Controller:
     """A controller whose commands, counted from rest, reach the plant through an actuator that moves by `most` a sample at most."""
     if math.isinf(most):
@@ -89,53 +94,81 @@ def slewed(controller: Controller, most: float) -> Controller:
 
 def limited_pid(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> Controller:
     """`control.pid` that begins at rest at any input; parameters (gains, input at rest), commands counted from that input."""
-    base = pid(period, lower=lower, upper=upper, anti_windup=anti_windup, tracking_time=tracking_time)
+    follow = checked(Settings(period, lower, upper, anti_windup, tracking_time)).follow
+    base, limits = pid_of_limits(period, anti_windup), Limits(lower, upper, follow)
 
     def init(measurement, parameters):
-        gains, rest = parameters
-        return base.init(measurement, gains)._replace(integral=rest - gains.Kp * (gains.b - 1.0) * measurement)
+        return base.init(measurement, (*parameters, limits))
 
     def update(state, measurement, reference, parameters):
-        gains, rest = parameters
-        state, command = base.update(state, measurement, reference, gains)
+        return base.update(state, measurement, reference, (*parameters, limits))
+
+    return Controller(init, update)
+
+
+class Limits(NamedTuple):
+    """Of a PID's command, and the share of an excess that back-calculation takes off its integral in a sample."""
+
+    lower: Any
+    upper: Any
+    follow: Any
+
+
+@lru_cache(maxsize=32)  # one identity for a choice, so that loops compile once
+def pid_of_limits(period: float, anti_windup: str) -> Controller:
+    """`limited_pid` whose limits are data: parameters (gains, input at rest, `Limits`)."""
+    init_pid, update_pid = pid_law(period, anti_windup)
+
+    def init(measurement, parameters):
+        gains, rest, _ = parameters
+        return init_pid(measurement, gains)._replace(integral=rest - gains.Kp * (gains.b - 1.0) * measurement)
+
+    def update(state, measurement, reference, parameters):
+        gains, rest, limits = parameters
+        state, command = update_pid(state, measurement, reference, gains, *limits)
         return state, command - rest
 
     return Controller(init, update)
 
 
 @lru_cache(maxsize=32)  # one identity for a choice, so that loops compile once
-def observer(course: StepAndLoad) -> Observer:
-    """Folds a loop whose input is counted from rest into `LoopScores`."""
-    size, sign, half = abs(course.level - course.start), np.sign(course.level - course.start), course.begin * course.period
+def observer(begin: int, period: float) -> Observer:
+    """Folds a loop whose input is counted from rest, with the load from sample `begin` on, into `LoopScores`; its reference is that of
+    `StepAndLoad.reference`."""
+    half = begin * period
     late = 0.8 * half
 
     def init(y, reference):
         zero = 0.0 * y
         return {
+            "size": zero + jnp.abs(reference["step"]),
             "iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero, "u": zero,
             "outside": zero,
         }  # fmt: skip
 
     def update(seen, t, y, u, reference):
-        off = jnp.abs(course.level - y)
-        step = t < half - 1e-9 * course.period
+        off, size = jnp.abs(reference[LEVEL] - y), seen["size"]
+        step = t < half - 1e-9 * period
+        beyond = jnp.sign(reference["step"]) * (y - reference[LEVEL])
         last = step & (t >= late)
         return {
-            "iae": seen["iae"] + jnp.where(step, course.period * off, 0.0),
-            "beyond": jnp.where(step, jnp.maximum(seen["beyond"], sign * (y - course.level)), seen["beyond"]),
+            "size": size,
+            "iae": seen["iae"] + jnp.where(step, period * off, 0.0),
+            "beyond": jnp.where(step, jnp.maximum(seen["beyond"], beyond), seen["beyond"]),
             # nan is outside of every band
-            "settled": jnp.where(step & ~(off <= 0.02 * size), t + course.period, seen["settled"]),
+            "settled": jnp.where(step & ~(off <= 0.02 * size), t + period, seen["settled"]),
             "left": jnp.where(last, jnp.maximum(seen["left"], off), seen["left"]),
-            "load_iae": seen["load_iae"] + jnp.where(step, 0.0, course.period * off),
+            "load_iae": seen["load_iae"] + jnp.where(step, 0.0, period * off),
             "peak": jnp.where(step, 0.0, jnp.maximum(seen["peak"], off)),
             "travel": seen["travel"] + jnp.abs(u - seen["u"]),
             "u": u,
-            "outside": jnp.maximum(seen["outside"], jnp.maximum(y - course.highest, course.lowest - y)),
+            "outside": jnp.maximum(seen["outside"], jnp.maximum(y - reference["highest"], reference["lowest"] - y)),
         }
 
     def result(seen):
         gone = jnp.where(jnp.isfinite(seen["load_iae"]), 0.0, jnp.nan)
-        settled = jnp.where(seen["settled"] < half - 0.5 * course.period, seen["settled"], jnp.inf)
+        settled = jnp.where(seen["settled"] < half - 0.5 * period, seen["settled"], jnp.inf)
+        size = seen["size"]
         return LoopScores(
             seen["iae"] / size + gone, 100.0 * seen["beyond"] / size + gone, settled + gone, seen["left"] / size + gone, seen["load_iae"],
             seen["peak"] + gone, seen["travel"] + gone, seen["outside"] + gone,
@@ -146,51 +179,106 @@ def observer(course: StepAndLoad) -> Observer:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """The loop of a `OneLoop` with one form of controller; `start` where its plants rest before the step."""
+    """The loop of a `OneLoop` with one form of controller; `start` where its plants rest before the step.
+
+    Every number but the period and the counts of samples is data of one compiled program: loops of other plants of the same model, with
+    other limits and another step, do not compile it again.
+    """
 
     plant: OneLoop
     start: Rest
     course: StepAndLoad
     loop: ClosedLoop
+    given: tuple[Any, ...] = ()
 
     @classmethod
-    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, controller: Controller) -> "Judge":
-        """With a sensor of steps `quantum`, and a controller whose parameters are (its own, the input at rest)."""
-        return cls(plant, start, course, plant.closed(controller, course.period, quantum))
+    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, form: "Looped") -> "Judge":
+        """With a sensor of steps `quantum`, and a form's controller, whose parameters are (its own, the input at rest, *`form.given`)."""
+        return cls(plant, start, course, plant.closed(form.loop, course.period, quantum), form.given)
 
     def part(self, rows: slice) -> "Judge":
         """The same on some of the plants."""
         start = Rest(*(getattr(self.start, n)[rows] for n in ("x", "u", "A", "B", "C", "D", "late")))
-        return Judge(self.plant.part(rows), start, self.course, self.loop)
+        return Judge(self.plant.part(rows), start, self.course, self.loop, self.given)
+
+    @property
+    def program(self) -> "Program":
+        """What is compiled."""
+        return Program(self.loop, self.course.begin, self.course.samples, self.plant.vector.states)
+
+    def data(self) -> "LoopData":
+        """What it is compiled for: numbers."""
+        reference = {k: jnp.asarray(v, dtype=float) for k, v in self.course.reference().items()}
+        inputs = {n: jnp.asarray(v, dtype=float) for n, v in self.plant.others.items()}
+        return LoopData(self.rows(), reference, {**inputs, LOAD: jnp.asarray(self.course.loads())}, jax.tree.map(jnp.asarray, self.given))
 
     def rows(self) -> tuple[Any, Any, Any]:
         """Parameters, states and input at rest of every plant, with a leading axis."""
         p = {n: jnp.asarray(v, dtype=float) for n, v in self.plant.plants.items()}
         return p, jnp.asarray(self.start.x), jnp.asarray(self.start.u)
 
-    def _given(self, p: Any, x: Any, u: Any) -> tuple[Any, dict[str, Any]]:
-        x0 = dict(zip(self.plant.vector.states, x, strict=True))
-        return {**p, REST: u}, {"x0": x0, "inputs": {**self.plant.others, LOAD: jnp.asarray(self.course.loads())}}
-
     def scores(self, controllers: Any) -> LoopScores:
         """Every controller (a pytree of parameters with a leading axis) on every plant: arrays (controllers, plants); jax-traceable."""
-        seen, level = observer(self.course), self.course.level
-
-        def one(gains, row):
-            p, x, u = row
-            values, given = self._given(p, x, u)
-            return self.loop.observe(seen, (gains, u), values, level, **given)
-
-        return jax.vmap(lambda g: jax.vmap(lambda r: one(g, r))(self.rows()))(controllers)
+        return scores_of(self.program, controllers, self.data())
 
     def responses(self, gains: Any) -> dict[str, np.ndarray]:
         """t (N,), outputs y and inputs u (plants, N) of one controller."""
-
-        def one(row):
-            p, x, u = row
-            values, given = self._given(p, x, u)
-            seen = self.loop.simulate((gains, u), values, self.course.level, **given)
-            return seen.y, seen.u + u
-
-        y, u = jax.jit(jax.vmap(one))(self.rows())
+        y, u = _responses(self.program, jax.tree.map(lambda v: jnp.asarray(v, dtype=float), gains), self.data())
         return {"t": self.course.period * np.arange(self.course.samples), "y": np.asarray(y), "u": np.asarray(u)}
+
+
+class Looped(Protocol):
+    """A controller `loop` whose parameters are (its own, the input at rest, *`given`)."""
+
+    @property
+    def loop(self) -> Controller: ...
+
+    @property
+    def given(self) -> tuple[Any, ...]: ...
+
+
+class LoopData(NamedTuple):
+    """Numbers of a `Judge`: its `rows`, reference, inputs, and what its controller is given."""
+
+    rows: tuple[Any, Any, Any]
+    reference: dict[str, Any]
+    inputs: dict[str, Any]
+    given: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Program:
+    """A loop, the sample of the load and the count of samples, the states of the plant: equal ones share compiled functions."""
+
+    loop: ClosedLoop
+    begin: int
+    samples: int
+    states: tuple[str, ...]
+
+    def one(self, controller: Any, row: tuple[Any, Any, Any], data: LoopData) -> tuple[Any, Any, Any, dict[str, Any]]:
+        """Arguments of a loop with the plant of a row."""
+        p, x, u = row
+        x0 = dict(zip(self.states, x, strict=True))
+        return (controller, u, *data.given), {**p, REST: u}, data.reference, {"x0": x0, "inputs": data.inputs}
+
+
+@partial(jax.jit, static_argnums=0)
+def scores_of(program: Program, controllers: Any, data: LoopData) -> LoopScores:
+    """`Judge.scores` of a program."""
+    seen = observer(program.begin, program.loop.period)
+
+    def one(gains, row):
+        parameters, values, reference, given = program.one(gains, row, data)
+        return program.loop.observe(seen, parameters, values, reference, **given)
+
+    return jax.vmap(lambda g: jax.vmap(lambda r: one(g, r))(data.rows))(controllers)
+
+
+@partial(jax.jit, static_argnums=0)
+def _responses(program: Program, gains: Any, data: LoopData) -> tuple[Any, Any]:
+    def one(row):
+        parameters, values, reference, given = program.one(gains, row, data)
+        seen = program.loop.simulate(parameters, values, reference, **given)
+        return seen.y, seen.u + row[2]
+
+    return jax.vmap(one)(data.rows)

@@ -1,8 +1,9 @@
 """One output of a model and one input that drives it: where it rests, its matrices there with dead time kept apart, its loop."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from plantfit.simulate.steps.vector import VectorModel, vectorise
 import jax
 import jax.numpy as jnp
 
-LOAD, REST = "load at the input", "input at rest"
+LOAD, REST, LEVEL = "load at the input", "input at rest", "level"
 SUBSTEPS = 4  # of a period, where the model is not linear
 ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
 
@@ -100,6 +101,24 @@ def _local(key: Equations, x: Any, u: Any, rows: Any) -> Any:
     return jax.vmap(one)(x, u, rows)
 
 
+class _Same:
+    """A model that is equal to itself alone, so that what is made of it can be found again."""
+
+    def __init__(self, model: Model):
+        self.model = model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.model is self.model
+
+
+@lru_cache(maxsize=32)  # one identity for a model, so that it is compiled once
+def _vector(key: _Same) -> VectorModel:
+    return vectorise(key.model)
+
+
 @dataclass(frozen=True, eq=False)
 class OneLoop:
     """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the first the best fit.
@@ -135,7 +154,7 @@ class OneLoop:
 
     @cached_property
     def vector(self) -> VectorModel:
-        return vectorise(self.model)
+        return _vector(_Same(self.model))
 
     @cached_property
     def key(self) -> "Equations":
@@ -195,32 +214,43 @@ class OneLoop:
         return max([0.0, *times])
 
     def closed(self, controller: Controller, period: float, quantum: float = 0.0) -> ClosedLoop:
-        """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the dead time."""
-        model, places = self.model, [self.input, *(d.channel for d in self.model.delays)]
+        """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the dead time.
 
-        def moved(u: Named, p: Named) -> Named:
-            return {**u, **{n: u[n] + p[REST] + u[LOAD] for n in places}}
+        Its reference is a mapping, whose `LEVEL` the controller follows. The same loop for plants of one model, so that what is compiled
+        for it is used again; it keeps inputs for a power of two of samples, 16 at least, that is as long as the dead time.
+        """
+        longest = None
+        if self.model.delays:
+            longest = 2.0 ** max(4, math.ceil(math.log2(self.longest() / period + 1.0))) * period
+        return _closed(self.vector, self.output, self.input, longest, controller, period, quantum)
 
-        def derivative(x: Named, u: Named, p: Named) -> Named:
-            assert model.derivative is not None
-            return model.derivative(x, moved(u, p), p)
 
-        def output(x: Named, u: Named, p: Named) -> Named:
-            return model.output(x, moved(u, p), p)
+@lru_cache(maxsize=32)
+def _closed(
+    vector: VectorModel, output: str, input_: str, longest: float | None, controller: Controller, period: float, quantum: float
+) -> ClosedLoop:
+    model = vector.model
+    places = [input_, *(d.channel for d in model.delays)]
 
-        unit = model.inputs[self.input]
-        driven = replace(
-            model, derivative=derivative, output=output, inputs={**model.inputs, LOAD: unit}, parameters=(*model.parameters,
-            Declared(REST, unit)), initial_state=None, text=None,
-        )  # fmt: skip
-        longest = self.longest() + period if model.delays else None
-        return closed_loop(
-            driven,
-            controller,
-            period=period,
-            output=self.output,
-            input=self.input,
-            sensor=Sensor(quantum=quantum),
-            longest_delay=longest,
-            substeps=SUBSTEPS,
-        )
+    def moved(u: Named, p: Named) -> Named:
+        return {**u, **{n: u[n] + p[REST] + u[LOAD] for n in places}}
+
+    def derivative(x: Named, u: Named, p: Named) -> Named:
+        assert model.derivative is not None
+        return model.derivative(x, moved(u, p), p)
+
+    def outputs(x: Named, u: Named, p: Named) -> Named:
+        return model.output(x, moved(u, p), p)
+
+    def update(state, measurement, reference, parameters):
+        return controller.update(state, measurement, reference[LEVEL], parameters)
+
+    unit = model.inputs[input_]
+    driven = replace(
+        model, derivative=derivative, output=outputs, inputs={**model.inputs, LOAD: unit}, parameters=(*model.parameters,
+        Declared(REST, unit)), initial_state=None, text=None,
+    )  # fmt: skip
+    return closed_loop(
+        driven, Controller(controller.init, update), period=period, output=output, input=input_, sensor=Sensor(quantum=quantum),
+        longest_delay=longest, substeps=SUBSTEPS,
+    )  # fmt: skip

@@ -17,7 +17,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
-from plantfit.optimize.contract import Facts, Info, Needs, Objective, Population
+from plantfit.optimize.contract import CostOfData, Facts, Info, Needs, Objective, Population
 from plantfit.optimize.loop.population_loop import BLOCK, PADDING, SIDE_BY_SIDE, first_carry, program
 
 import jax
@@ -205,6 +205,7 @@ class Sweep:
         method: Any = traced(template, names, options)
         self.values = method.values
         self._advance = program(objective, method, facts).advance
+        self._data = objective.costs.data if isinstance(objective.costs, CostOfData) else ()
         self._begin = jax.jit(lambda keys, values: lax.map(lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]), (keys, values)))  # type: ignore[arg-type]
         start = np.zeros((0, facts.dimension)) if objective.start is None else np.clip(objective.start, 0.0, 1.0)
         self._start = jnp.asarray(start[: self.rows])
@@ -230,7 +231,8 @@ class Sweep:
             if stop is not None and stop():
                 raise Interrupted("The search was stopped; what was finished is kept.")
             tick = time.perf_counter()
-            carry, marks, reached = self._advance(carry, keys, self._start, done, done + block, self.budget, -np.inf, 2**62)
+            upto = done + block
+            carry, marks, reached = self._advance(carry, keys, self._start, done, upto, self.budget, -np.inf, 2**62, self._data)
             blocks.append(np.asarray(marks)[: int(reached) - done])
             done = int(reached)
             pace = REPORT_SECONDS / max(time.perf_counter() - tick, 1e-6)

@@ -15,7 +15,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
-from plantfit.optimize.contract import Facts, Objective, Population, RunResult
+from plantfit.optimize.contract import CostOfData, Facts, Objective, Population, RunResult
 from plantfit.optimize.loop.checkpoint import NO_HISTORY, Checkpoint
 from plantfit.optimize.loop.progress import estimate
 from plantfit.optimize.loop.request import Plan
@@ -77,23 +77,23 @@ def _begin(method: Population, facts: Facts) -> Callable:
 
 
 @lru_cache(maxsize=32)
-def _advance(costs: Callable, method: Population, rows: int, dimension: int, period: int | None) -> Callable:
+def _advance(costs: Callable, of_data: bool, method: Population, rows: int, dimension: int, period: int | None) -> Callable:
     """Compile `advance`, which runs generations first..last-1 and returns (carry, history, end).
 
     `history` (BLOCK, runs, 2) holds evaluations and best cost after each generation, `end` is the generation
     reached: less than `last` when all runs have ended. The number of generations is data, not shape, so
-    results cannot depend on how blocks are cut.
+    results cannot depend on how blocks are cut. With `of_data` the costs take data, which `advance` is given, beside the candidates.
     """
 
     size = chunk_of(rows)
 
-    def chunk_costs(x: Array) -> Array:
-        f = costs(x)
+    def chunk_costs(x: Array, data: Any) -> Array:
+        f = costs(x, data) if of_data else costs(x)
         if f.shape != (size,):
             raise SearchError(f"The cost returned shape {f.shape} for {size} candidates; it must return one cost for each.")
         return f
 
-    def evaluate(x: Array, counts: Array) -> Array:
+    def evaluate(x: Array, counts: Array, data: Any) -> Array:
         """Costs (runs, rows) of the first `counts` candidates of each run, +inf for the others."""
         flat = x.reshape(-1, dimension)
         live = (jnp.arange(rows) < counts[:, None]).reshape(-1)
@@ -102,7 +102,7 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
         source = jnp.zeros(padded, int).at[jnp.where(live, place, padded)].set(jnp.arange(len(flat)), mode="drop")
 
         def chunk(i: Array, f: Array) -> Array:
-            return f.at[i].set(chunk_costs(flat[lax.dynamic_slice_in_dim(source, i * size, size)]))
+            return f.at[i].set(chunk_costs(flat[lax.dynamic_slice_in_dim(source, i * size, size)], data))
 
         # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
         f = lax.fori_loop(0, -(-jnp.sum(live) // size), chunk, jnp.full((padded // size, size), jnp.inf))
@@ -114,7 +114,9 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
         live = getattr(method, "live", None)
         return jnp.full(runs, rows) if live is None else jnp.clip(jax.vmap(live)(state), 1, rows)
 
-    def generation(carry: Carry, g: Array, keys: Array, start: Array, budget: Array, target: Array, patience: Array) -> Carry:
+    def generation(
+        carry: Carry, g: Array, keys: Array, start: Array, budget: Array, target: Array, patience: Array, data: Any
+    ) -> Carry:  # fmt: skip
         state, active = carry.state, carry.ending == 0
         if period is not None:
             state = lax.cond(g % period == 0, partial(lax.map, method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
@@ -122,7 +124,7 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
         x, state = lax.map(lambda ks: method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
         if start.shape[0]:
             x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
-        f = evaluate(x, counts)
+        f = evaluate(x, counts, data)
         state, info = lax.map(lambda told: method.tell(*told), (state, x, f))
         no = jnp.zeros(len(keys), bool)
         row = jnp.argmin(f, axis=1)
@@ -140,11 +142,11 @@ def _advance(costs: Callable, method: Population, rows: int, dimension: int, per
         return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, carry)
 
     def advance(
-        carry: Carry, keys: Array, start: Array, first: Array, last: Array, budget: Array, target: Array, patience: Array
+        carry: Carry, keys: Array, start: Array, first: Array, last: Array, budget: Array, target: Array, patience: Array, data: Any
     ) -> tuple[Carry, Array, Array]:
         def step(loop):
             carry, history, g = loop
-            carry = generation(carry, g, keys, start, budget, target, patience)
+            carry = generation(carry, g, keys, start, budget, target, patience, data)
             mark = jnp.stack([carry.evaluations.astype(float), carry.best_f], axis=-1)
             return carry, lax.dynamic_update_index_in_dim(history, mark, g - first, 0), g + 1
 
@@ -160,8 +162,10 @@ def program(objective: Objective, method: Population, facts: Facts) -> Program:
     """The compiled functions, reused by every search with the same cost, settings and shapes."""
     rows = method.rows(facts)
     period = getattr(method, "refresh_period", None)
+    costs, of_data = objective.costs, isinstance(objective.costs, CostOfData)
+    function = costs.function if isinstance(costs, CostOfData) else costs
     return Program(
-        _begin(method, facts), _advance(objective.costs, method, rows, facts.dimension, None if period is None else period(facts))
+        _begin(method, facts), _advance(function, of_data, method, rows, facts.dimension, None if period is None else period(facts))
     )
 
 
@@ -221,9 +225,11 @@ class _Group:
         target = -np.inf if plan.target is None else plan.target
         patience = 2**62 if plan.stagnation is None else plan.stagnation
         done = len(history)
+        data = plan.objective.costs.data if isinstance(plan.objective.costs, CostOfData) else ()
 
         def advance(carry: Carry, upto: int):
-            return self.compiled.advance(carry, keys, jnp.asarray(start[: self.rows]), done, upto, plan.budget, target, patience)
+            first = jnp.asarray(start[: self.rows])
+            return self.compiled.advance(carry, keys, first, done, upto, plan.budget, target, patience, data)
 
         jax.block_until_ready(advance(carry, done))  # compiles, computes nothing
         compiled_at = time.perf_counter()

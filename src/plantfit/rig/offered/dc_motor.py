@@ -19,7 +19,7 @@ from plantfit.rig.offered.driven import driven_by
 from plantfit.rig.offered.motor_studies import MOTOR, UNITS, box, head, parameter, parameters_of
 from plantfit.rig.offered.tuned import Tuned
 from plantfit.rig.run import RigRun
-from plantfit.rig.speed_loop import driven_by_pid
+from plantfit.rig.speed_loop import driven_by_controller
 
 PERIOD, DURATION, BLOCK = 0.1, 150.0, 30.0  # s: a line of the serial port, a record, one round of the excitation
 OLDEST = 1e-3  # s: readings that tell of an earlier time are not sent
@@ -126,11 +126,10 @@ def _looped(rig: DcMotorRig, asked: Asked, tuned: Tuned, duration: float, period
     t = np.arange(round((wanted.t[-1] - wanted.t[0]) / period) + 1) * period
     speeds = wanted["w"][np.searchsorted(wanted.t - wanted.t[0], t + 5e-10, side="right") - 1]
     own = units.convert(speeds, "rad/s", tuned.output_unit or "rad/s")
-    volts = driven_by_pid(rig, asked.seed, tuned.law, tuned.gains, own, (tuned.output_unit, tuned.input_unit))
-    g = tuned.gains
-    law = f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s, a sample every {period:g} s"
+    volts = driven_by_controller(rig, asked.seed, tuned.law, tuned.given, own, (tuned.output_unit, tuned.input_unit))
+    law = f"{tuned.told}, a sample every {period:g} s"
     drive = Recording(volts.t, {**volts.signals, "w_set": Signal(speeds, "rad/s")}, "loop")
-    return drive, f"In a loop with the PID of {tuned.name} ({law}); set points: {told}"
+    return drive, f"In a loop with the {tuned.form} of {tuned.name} ({law}); set points: {told}"
 
 
 _DRIVEN = "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, blocks of 30 s, up to {:.4g} V; 0 V at the first sample."

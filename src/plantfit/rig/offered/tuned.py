@@ -12,7 +12,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.linear.predictive.quadratic import Prepared
 from plantfit.control.linear.predictive.servo_mpc import Plan, Predictive, servo_mpc
 from plantfit.control.linear.servo import Servo, servo
-from plantfit.control.pid import Gains, Settings, pid
+from plantfit.control.pid import Gains, Settings
 from plantfit.control.tune.loop_design import course_seconds
 from plantfit.control.tune.loop_scores import from_rest, limited_pid
 from plantfit.control.tune.reduction import Reduced
@@ -41,33 +41,37 @@ class Tuned:
     plan: tuple[int, bool] | None = None  # inputs that an MPC plans, and whether their rate has a limit
 
     @property
-    def gains(self) -> Gains:
-        """Of a PID. Raises SimulationError for another form."""
-        if not isinstance(self.parameters, Gains):
-            raise SimulationError(f"{self.name} is {'an' if self.form[0] in 'LM' else 'a'} {self.form}; here a PID is taken.")
-        return self.parameters
+    def law(self) -> Controller:
+        """The controller with its limits, which begins at rest with the command 0 and takes `given`."""
+        s = self.settings
+        if isinstance(self.parameters, Gains):
+            return limited_pid(s.period, s.lower, s.upper, s.anti_windup, s.tracking_time)
+        return from_rest(servo(s.period, lower=s.lower, upper=s.upper) if self.plan is None else servo_mpc(*self.plan))
 
     @property
-    def law(self) -> Controller:
-        """The PID with its limits."""
-        s = self.settings
-        return pid(s.period, lower=s.lower, upper=s.upper, anti_windup=s.anti_windup, tracking_time=s.tracking_time)
+    def given(self) -> tuple[Any, float]:
+        """Parameters of `law`: its own, the input at rest."""
+        return self.parameters, 0.0
+
+    @property
+    def told(self) -> str:
+        """What it is, in words."""
+        if isinstance(g := self.parameters, Gains):
+            return f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s"
+        servo = self.parameters if self.plan is None else self.parameters.servo
+        states = f"{len(servo.C) - 1} states and the load estimated"
+        return states if self.plan is None else f"{states}, {self.plan[0]} inputs planned"
 
     def running(self) -> "RunningController":
         """The controller sample by sample."""
-        s = self.settings
-        if isinstance(self.parameters, Gains):
-            return RunningController(limited_pid(s.period, s.lower, s.upper, s.anti_windup, s.tracking_time), self.parameters)
-        if self.plan is not None:
-            return RunningController(from_rest(servo_mpc(*self.plan)), self.parameters)
-        return RunningController(from_rest(servo(s.period, lower=s.lower, upper=s.upper)), self.parameters)
+        return RunningController(self.law, self.given)
 
 
 class RunningController:
     """A controller under way, numbers in and out: `begin` at rest with the command 0, then `update` every sample."""
 
-    def __init__(self, law: Controller, parameters: Any):
-        self._law, self._given = law, (parameters, 0.0)
+    def __init__(self, law: Controller, given: Any):
+        self._law, self._given = law, given
         self._state: Any = None
         self.begin(0.0)
         self.update(0.0, 0.0)  # compiled before a board waits for it
