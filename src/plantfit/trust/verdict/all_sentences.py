@@ -5,6 +5,7 @@ from typing import Any
 
 from plantfit.optimize.contract import RunResult
 from plantfit.trust.heterogeneity.sentences import answer_sentences
+from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
@@ -51,7 +52,7 @@ def _combinations(findings: Findings) -> Iterator[Sentence]:
     loosest = max(c["relative_sd"] for c in together)
     text = (
         f"Along {len(together)} directions {len(names)} parameters can move together and the simulated outputs hardly change, along the "
-        f"loosest by {100 * loosest:.0f} % (standard deviation): only combinations of these parameters are known. The report lists the "
+        f"loosest by {extent(loosest)} (standard deviation): only combinations of these parameters are known. The report lists the "
         "directions in one table."
     )
     yield say("warning", text, relative_sd=loosest, directions=len(together))
