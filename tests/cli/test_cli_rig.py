@@ -78,3 +78,17 @@ def test_mistakes_are_told_in_one_sentence(capsys, monkeypatch, tmp_path, words,
     assert sentence in said.err
     assert said.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_tables_are_named_with_their_ranges_and_what_one_step_cannot_tell(capsys, monkeypatch, tmp_path):
+    words = ("rig", "steam_chamber", "--duration", "60", "--out", tmp_path / "a.csv")
+    one = call(capsys, monkeypatch, *words, "--excitation", "40%")
+    told = " ".join(one.out.split())
+    truth = json.loads((tmp_path / "a.truth.json").read_text("utf-8"))["determined"]
+    for n in ("k", "A1", "A2"):
+        low, high = min(truth[n]["value"]), max(truth[n]["value"])
+        assert f"{n} = {low:.4g} to {high:.4g} {truth[n]['unit']} (table of 10)" in told
+    assert "Td = " in told
+    assert "One step passes each pressure once" in told
+    moved = call(capsys, monkeypatch, *words, "--force", "--set", "tables_of=40%", "--excitation", "10%,25%")
+    assert "One step passes" not in moved.out

@@ -78,6 +78,21 @@ def test_every_figure_has_a_place_and_a_label(page):
     assert all(attrs.get("aria-label") for tag, attrs in page.tags if tag == "figure")
 
 
+def test_many_directions_are_one_table_without_figures():
+    findings = example(samples=50)
+    drawn_once = len(figures_in(render_html(findings)))
+    findings["combinations"] = [
+        {"sentence": f"said {k}", "weights": {"Rm": 1.0, "Kt": -0.5, "J": 0.4, "Tf": 0.3, "Ks": 0.2}, "relative_sd": 1.0 + k}
+        for k in range(50)
+    ]
+    text = render_html(findings)
+    page = Page(text)
+    assert len(figures_in(text)) == drawn_once - 1
+    assert "said 7" not in page.text
+    assert page.text.count("Rm +100 %, Kt -50 %, J +40 %, Tf +30 % and 1 more") == 50
+    assert "50 directions" in page.text
+
+
 def test_nothing_is_loaded_from_elsewhere(page):
     for tag, attrs in page.tags:
         assert not {"src", "srcset", "data", "poster"} & set(attrs), tag

@@ -12,6 +12,7 @@ import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.trust.experiment.criteria import Precision
+from plantfit.trust.experiment.shapes import kind_of, shapes
 from plantfit.trust.experiment.told import precision_sentences
 
 RATE = 0.1  # s
@@ -261,3 +262,14 @@ def test_a_design_for_plants_that_scatter_says_so_and_others_do_not(static):
     assert not any("scatter" in s.sentence for s in made.verdict)
     said = [s["sentence"] for s in precision_sentences(made.model_copy(update={"scatters": ["a", "b"]}))]
     assert "Recordings scatter in a and b: the input serves 6 plants as another recording may find them." in said
+
+
+def test_no_shape_changes_before_a_level_has_lasted():
+    for hold in (1, 7, 40):
+        found = dict(shapes(1320, 2, 1, hold))
+        assert {kind_of(n) for n in found} == {"step", "PRBS", "multisine", "chirp"}
+        for name, u in found.items():
+            for column in u.T:
+                ends = np.flatnonzero(np.diff(column)) + 1
+                lasted = np.diff(np.r_[0, ends])
+                assert np.min(lasted, initial=hold) >= hold, name

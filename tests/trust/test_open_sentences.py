@@ -5,6 +5,7 @@ import pytest
 
 from plantfit import Parameter, Problem, Recording, Signal, equations, fit
 from plantfit.trust.verdict.agreement import agreement_sentences
+from plantfit.trust.verdict.all_sentences import _combinations
 from plantfit.trust.verdict.parameters import parameter_sentences
 
 X = np.linspace(0.05, 4.0, 200)
@@ -59,3 +60,15 @@ def test_an_interval_against_the_box_is_told_by_its_ends():
            "lower_bound": 0.1, "upper_bound": 1.0, "limits": None, "open": None}  # fmt: skip
     (said,) = parameter_sentences({"parameters": [row]})
     assert said["sentence"] == "Td is not determined: the data allow 0.46 to 1 s, of 0.1 to 1 s that was searched."
+
+
+def test_many_directions_are_one_sentence():
+    def said(n):
+        found = [{"sentence": f"one {k}", "weights": {f"a{k}": 1.0, "b": -0.5}, "relative_sd": 1.0 + k} for k in range(n)]
+        return list(_combinations({"combinations": found}))
+
+    assert [s["sentence"] for s in said(6)] == [f"one {k}" for k in range(6)]
+    (one,) = said(7)
+    assert one["level"] == "warning"
+    assert one["sentence"].startswith("Along 7 directions 8 parameters can move together")
+    assert "loosest by a factor of 1.1e+03 " in one["sentence"]

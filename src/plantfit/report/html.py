@@ -33,6 +33,7 @@ CONFIG = {
 }
 POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
 MOST_INTERVALS = 60  # rows of the figure of intervals
+MOST_DIRECTIONS = 6  # along which parameters move together, with a figure each; more are one table
 
 
 def write_report(findings: Mapping[str, Any], path: str | Path) -> Path:
@@ -174,6 +175,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
+        "directions": tables.combinations_table(record.combinations) if len(record.combinations) > MOST_DIRECTIONS else None,
         "search": _search(record, drawings),
         "comparison": comparison_section.of_findings(record, drawings),
         "simulation": _simulation(record),
@@ -264,6 +266,8 @@ def _curve(group: list[OperatingTable], drawings: Drawings) -> dict[str, Any]:
 
 
 def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
+    if len(record.combinations) > MOST_DIRECTIONS:
+        return []
     return [
         {
             "sentence": c.sentence,

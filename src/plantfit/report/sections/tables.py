@@ -1,14 +1,15 @@
 """The tables of the report as headings and rows of text."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from plantfit.findings import Basin, Number, Parameter, Run, Score, Simulation, Weight
+from plantfit.findings import Basin, Combination, Number, Parameter, Run, Score, Simulation, Weight
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
 from plantfit.report.sections.sentences import listed, parameter_status, run_end, run_status, share
 
 MOST_RUNS = 200
 MOST_NAMES = 8  # columns of parameters
+MOST_MOVED = 4  # parameters of a direction that are named
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,20 @@ def runs_table(runs: list[Run]) -> Table:
     cut = f": the {MOST_RUNS} lowest of {len(runs)}" if len(runs) > MOST_RUNS else ""
     head = ("method", "run", "final cost", "RMSE", "how it ended", "evaluations", "failed simulations", "time")
     return Table(f"Runs, lowest cost first{cut}", head, rows, frozenset({1, 2, 3, 5, 6, 7}))
+
+
+def combinations_table(found: list[Combination]) -> Table:
+    """Directions along which parameters move together, the loosest first."""
+    rows = tuple((str(k), _moves(c.weights), significant(c.relative_sd, 2)) for k, c in enumerate(found, start=1))
+    head = ("direction", "relative changes", "relative standard deviation")
+    return Table("Parameters that can move together while the simulated outputs hardly change", head, rows, frozenset({2}))
+
+
+def _moves(weights: Mapping[str, float | None]) -> str:
+    """The heaviest changes, and how many more."""
+    heavy = sorted(weights.items(), key=lambda pair: -abs(pair[1] or 0.0))
+    told = ", ".join(f"{n} {100 * (w or 0.0):+.0f} %" for n, w in heavy[:MOST_MOVED])
+    return f"{told} and {len(heavy) - MOST_MOVED} more" if len(heavy) > MOST_MOVED else told
 
 
 def weights_table(weights: list[Weight]) -> Table:

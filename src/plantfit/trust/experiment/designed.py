@@ -125,7 +125,7 @@ def _classical(
 ) -> list[Candidate]:  # fmt: skip
     """The best of each kind, as large as the limits of the signals allow."""
     best: dict[str, Candidate] = {}
-    for name, shape in shapes(n, inputs, seed):
+    for name, shape in shapes(n, inputs, seed, limits.hold):
         for found in _fitted(cost, slewed, limits, shape, exchange):
             kind = kind_of(name)
             if kind not in best or found[1] < best[kind].cost:

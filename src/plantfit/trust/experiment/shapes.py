@@ -12,13 +12,21 @@ TURNS = (2, 4, 8, 16, 32, 64)  # of the fastest sine, in the time of the recordi
 LINES = 48  # of a multisine, at most
 
 
-def shapes(n: int, inputs: int, seed: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Kinds with settings, and their values (n, inputs)."""
+def shapes(n: int, inputs: int, seed: int, hold: int = 1) -> Iterator[tuple[str, np.ndarray]]:
+    """Kinds with settings, and their values (n, inputs), each of which lasts for `hold` samples at least (but at the end)."""
+    held = np.arange(n) // hold * hold
+    for name, values in _shapes(n, inputs, seed, hold):
+        yield name, values if name.startswith(("step", "PRBS")) else values[held]
+
+
+def _shapes(n: int, inputs: int, seed: int, least: int) -> Iterator[tuple[str, np.ndarray]]:
     places = (1 + np.arange(inputs)) / (inputs + 1)
     yield "step", np.column_stack([np.where(np.arange(n) < max(1, int(p * n * 0.2)), -1.0, 1.0) for p in places])
     yield "step", np.column_stack([np.where(np.arange(n) < max(1, int(p * n)), -1.0, 1.0) for p in places])
     for bits in (b for b in BITS if 2 * b <= n):
         hold = max(1, round(n / bits))
+        if hold < least:
+            continue
         found = [prbs(1.0, 1.0, float(n), hold=hold, seed=seed + 7 * k)["V"] for k in range(inputs)]
         yield f"PRBS with bits of {hold} samples", np.column_stack(found)
     for turns in (k for k in TURNS if 4 * k <= n):

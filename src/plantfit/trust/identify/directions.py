@@ -34,7 +34,7 @@ class Direction:
         strongest = sorted(self.weights.items(), key=lambda pair: -abs(pair[1]))[:NAMED]
         strength = ", ".join(f"{n} {100 * w:+.0f} %" for n, w in strongest)
         if len(self.weights) == 1:
-            return f"The data leave {up[0] if up else down[0]} open to about {_percent(self.relative_sd)}."
+            return f"The data leave {up[0] if up else down[0]} open to about {extent(self.relative_sd)}."
         if len(self.weights) > NAMED:
             return (
                 f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated outputs hardly change."
@@ -95,5 +95,6 @@ def _mixtures(data: np.ndarray, prior: np.ndarray, names: tuple[str, ...]) -> li
     return found
 
 
-def _percent(sd: float) -> str:
+def extent(sd: float) -> str:
+    """A standard deviation of a logarithm in words."""
     return f"{100 * sd:.0f} %" if sd < 1 else f"a factor of {np.exp(min(sd, 20)):.2g}"

@@ -5,6 +5,7 @@ from typing import Any
 
 from plantfit.optimize.contract import RunResult
 from plantfit.trust.heterogeneity.sentences import answer_sentences
+from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
@@ -14,6 +15,7 @@ from plantfit.trust.verdict.weights import weight_sentences
 from plantfit.trust.verdict.words import Sentence, say, with_unit
 
 Findings = Mapping[str, Any]
+LISTED = 6  # directions along which parameters move together that get a sentence each
 
 
 def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
@@ -42,9 +44,18 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
 
 
 def _combinations(findings: Findings) -> Iterator[Sentence]:
-    for c in findings["combinations"]:
-        if len(c["weights"]) > 1:
-            yield say("warning", c["sentence"], relative_sd=c["relative_sd"])
+    together = [c for c in findings["combinations"] if len(c["weights"]) > 1]
+    if len(together) <= LISTED:
+        yield from (say("warning", c["sentence"], relative_sd=c["relative_sd"]) for c in together)
+        return
+    names = {n for c in together for n in c["weights"]}
+    loosest = max(c["relative_sd"] for c in together)
+    text = (
+        f"Along {len(together)} directions {len(names)} parameters can move together and the simulated outputs hardly change, along the "
+        f"loosest by {extent(loosest)} (standard deviation): only combinations of these parameters are known. The report lists the "
+        "directions in one table."
+    )
+    yield say("warning", text, relative_sd=loosest, directions=len(together))
 
 
 def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:

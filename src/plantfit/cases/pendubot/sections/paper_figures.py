@@ -17,6 +17,7 @@ from plantfit.study.comparing.statistics import normal_interval
 
 POINTS = 1200  # of a drawn signal
 ZOOM = (5.0, 6.6)  # s, as in the paper's figure 5
+ANSWERS = 250  # runs of a method whose answers are drawn, at even distances: a thousand are no denser to the eye
 SMALLEST = 1e-9  # gap below which runs are drawn at it
 
 
@@ -72,16 +73,17 @@ def bars_figure(title: str, values: Mapping[str, np.ndarray]) -> Figure:
 
 
 def parameters_figure(runs: Sequence[MethodRuns], space: Space, truth: Mapping[str, float]) -> Figure:
-    """All answers as shares of the bounds, the best of each method and the truth marked."""
+    """Answers as shares of the bounds, `ANSWERS` runs of a method at most, the best of each and the truth marked."""
     names, lower, upper = space.names, space.lower, space.upper
     palette, data = colours([r.label for r in runs]), []
     for k, r in enumerate(runs):
         share = (r.answers - lower) / (upper - lower)
+        drawn = share[:: max(1, -(-len(share) // ANSWERS))]
         place = np.arange(len(names)) + 0.22 * (k - (len(runs) - 1) / 2)
-        jitter = 0.07 * np.sin(np.arange(len(share)) * 2.399)  # even, and the same each time
+        jitter = 0.07 * np.sin(np.arange(len(drawn)) * 2.399)  # even, and the same each time
         x = (place[None, :] + jitter[:, None]).ravel()
         colour = palette[r.label][0]
-        data.append(_dots(x, share.ravel(), style.plain(r.label), {"color": colour, "size": 3, "opacity": 0.35}))
+        data.append(_dots(x, drawn.ravel(), style.plain(r.label), {"color": colour, "size": 3, "opacity": 0.35}))
         best = {"color": colour, "size": 10, "symbol": "diamond", "line": {"color": style.INK, "width": 1}}
         data.append(_dots(place, share[r.best], f"{style.plain(r.label)}, best run", best))
     true = (np.array([truth[n] for n in names]) - lower) / (upper - lower)

@@ -77,7 +77,7 @@ def results_section(record: TorqueRecord, problem: Problem, floor: Floor, runs: 
         {"figure": bars_figure("mean RMSE [N m]", rmse), "label": "RMSE with 95 % intervals, virtual rig (figure 7)"},
         {
             "figure": parameters_figure(runs, problem.space, truth),
-            "label": "Answers of all runs between their bounds, the best of each method, and the truth",
+            "label": "Answers of the runs (250 of a method at most) between their bounds, the best of each method, and the truth",
         },
     ]
     tables = [_best_table(problem, floor, runs, truth), _rmse_table(runs), _time_table(runs)]

@@ -1,7 +1,7 @@
 """`plantfit rig`: a record of a plant whose truth is known, with the truth and a study file beside it."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from plantfit.cli.arguments.quantities import quantity
@@ -51,13 +51,21 @@ def record(name: str, settings: Sequence[str], asked: dict[str, Any], place: str
         )
     for line in made.recording.log:
         out.print(line, markup=False)
-    told = [f"{n} = {d['value']:.6g} {d['unit']}" for n, d in made.truth["determined"].items() if isinstance(d["value"], float)]
+    told = [_told(n, d) for n, d in made.truth["determined"].items() if n != "nodes"]
     if told:
         out.print(f"True values that this record can determine: {', '.join(told)}", markup=False)
     for path in written.values():
         out.print(f"Written: {path}", markup=False)
     if files["study"]:
         out.print(f"Next: plantfit check {shlex.quote(str(written['study']))}", markup=False)
+
+
+def _told(name: str, true: Mapping[str, Any]) -> str:
+    """`Td = 0.5 s`, of a table its range."""
+    value, unit = true["value"], true["unit"]
+    if isinstance(value, list | tuple):
+        return f"{name} = {min(value):.4g} to {max(value):.4g} {unit} (table of {len(value)})"
+    return f"{name} = {value:.6g} {unit}"
 
 
 def _settings(texts: Sequence[str]) -> dict[str, str]:
