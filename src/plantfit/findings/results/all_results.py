@@ -7,6 +7,7 @@ from plantfit.findings.record import Printed
 from plantfit.findings.results.estimated import EstimatesByMethod
 from plantfit.findings.results.first_look import FirstLook
 from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
+from plantfit.findings.results.methods_compared import ComparisonOfMethods
 from plantfit.findings.results.models_compared import ComparisonOfModels
 from plantfit.findings.results.next_experiment import NextExperiment
 from plantfit.findings.results.records_compared import ComparisonOfRecords
@@ -15,6 +16,7 @@ from plantfit.findings.results.tracked import Tracked
 
 RESULTS: dict[str, type[Printed]] = {
     "compare": ComparisonOfModels,
+    "compare --methods": ComparisonOfMethods,
     "compare-records": ComparisonOfRecords,
     "intervals": ComparisonOfIntervals,
     "design": NextExperiment,
