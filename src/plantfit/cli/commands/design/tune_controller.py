@@ -30,11 +30,10 @@ def tune(
     from plantfit.cli.commands.design.tuned_study import show, written
     from plantfit.cli.terminal.out import print_json
 
-    record = found.record
-    files = written(found, record, page, Path(c) if c is not None else page.parent)
+    files = written(found, page, Path(c) if c is not None else page.parent)
     if json:
-        return print_json(record | {"files": [str(f) for f in files]})
-    show(record)
+        return print_json(found.typed.printed(files=[str(f) for f in files]))
+    show(found.typed)
     from plantfit.cli.terminal.out import out as screen
 
     screen.print(f"Written: {', '.join(str(f) for f in files)}", markup=False)
