@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -163,7 +164,11 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
     given = shape.predictive(*WEIGHTS)
     wishes = plain(replace(MPC, **limits).__dict__)
     signals = {"output": {"name": "z", "unit": None}, "input": {"name": "u", "unit": None}}
-    figures = dict.fromkeys(LoopFigures.model_fields, 0.5) | {"stable": True, "worst": {}}  # its share of plants is not the servo's share
+    figures: Any = {
+        **dict.fromkeys(LoopFigures.model_fields, 0.5),
+        "stable": True,
+        "worst": {},
+    }  # its share of plants is not the servo's share
     row = PredictiveLoop(name="all plants", source="", form="MPC", **settings(given), **figures).plain()
     assert row["share"] == 0.5
     record = plain({"controllers": [row], "wishes": wishes, "plan": {"moves": shape.lengths}, **signals})
@@ -178,7 +183,7 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
         assert running.update(5.0 + 0.1 * np.sin(k), 5.2) == pytest.approx(float(command), rel=1e-12)
     del row["set_point_share"]  # as older files are, in which the share of the plants stood in its place
     (tmp_path / "x-tune.json").write_text(json.dumps(record, allow_nan=False))
-    with pytest.raises(SimulationError, match="x-tune.json was written before plantfit kept how fast the set point"):
+    with pytest.raises(SimulationError, match=r"x-tune\.json was written before plantfit kept how fast the set point"):
         read_tuned(tmp_path / "x-tune.json")
 
 
