@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,8 +23,11 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import binomtest
 
+from benchmarks import paper_rigs
+
 LEVEL, BAND = 0.95, 0.001
 TOGETHER = 10  # fits that are made at a time
+STARTS = 4  # off the truth, until an answer costs no more than the truth
 AROUND = 0.5  # standard deviation of the logarithm by which starts are moved off the truth
 
 
@@ -32,14 +36,18 @@ class Rig:
     """`make()` gives a problem; `determined` are the parameters that theory determines; `noise` has a correlation of `memory`.
 
     `terms` are groups of parameters that may change places: they are named by the order of their last parameter, as in the truth.
+    `searches` are made at least from as many starts; where others end costs so little more that noise may decide, ranges hold them too.
+    `at(base, seed)` is the problem of another seed where white or AR(1) noise on the simulated truth does not make it.
     """
 
     make: Callable
     truth: Mapping[str, float]
     determined: tuple[str, ...]
-    noise: float
+    noise: float | None = None
     memory: float = 0.0
     terms: tuple[tuple[str, ...], ...] = ()
+    at: Callable | None = None
+    searches: int = 1
 
 
 def _problem(model, t, signals, parameters, substeps=2):
@@ -75,14 +83,15 @@ def _bounded():
     return _problem(model, np.arange(200) * 1.0, {"x": x}, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.0, 10.0))})
 
 
-def _first_order(kind, n=300, dead_time=False):
+def _first_order(kind, n=300, dead_time=False, initial="measured"):
     def make():
         from plantfit.models.library import catalogue as library
 
         t = np.arange(n) * 0.1
         u = {"step": np.ones(n), "prbs": _prbs(n, 20, 5), "four": np.repeat([0.2, 0.5, 0.35, 0.8], n // 4 + 1)[:n]}[kind]
-        model = library.make("first_order", dead_time=dead_time)
+        model = library.make("first_order", dead_time=dead_time, initial=initial)
         bounds = {"K": (-50.0, 50.0), "tau": (0.05, 200.0), "c": (-50.0, 50.0)} | ({"L": (0.0, 3.0)} if dead_time else {})
+        bounds |= {"y0": (-50.0, 50.0)} if initial == "free" else {}
         return _problem(model, t, {"u": u}, bounds)
 
     return make
@@ -95,6 +104,11 @@ def _motor():
     model = library.make("dc_motor")
     # from rest Coulomb friction changes in a tenth of a rad/s: with 2 steps the simulated truth is off by 1.5 rad/s there, with 8 by 0.03
     return _problem(model, np.arange(n) * 0.01, {"V": 12.0 * _prbs(n, 25, 3)}, None, substeps=8)
+
+
+def _paper(rig, truth: Mapping[str, float], determined: tuple[str, ...], searches: int = 1) -> "Rig":
+    """The rig of a paper: its records have no other noise than that of its sensors."""
+    return Rig(rig.problem, truth, determined, at=rig.at, searches=searches)
 
 
 MOTOR = {"Rm": 1.5, "Lm": 2e-3, "Kb": 0.09, "Kt": 0.09, "Jm": 5e-4, "Cm": 1e-4, "Tf": 0.01}
@@ -124,7 +138,19 @@ RIGS = {
     "PRBS, 100 samples": Rig(_first_order("prbs", 100), PROCESS, ("K", "tau", "c"), 0.02, 0.5),
     "PRBS, correlation 0.97": Rig(_first_order("prbs", 600), PROCESS, (), 0.05, 0.97),
     "four steps, dead time": Rig(_first_order("four", 400, True), PROCESS | {"L": 0.73}, ("K", "tau", "c", "L"), 0.01),
+    "one step, free start": Rig(_first_order("step", initial="free"), PROCESS | {"y0": 0.0}, ("tau",), 0.02),
+    "PRBS, free start": Rig(_first_order("prbs", initial="free"), PROCESS | {"y0": 0.0}, ("K", "tau", "c"), 0.02),
+    "four steps, dead time, free start": Rig(
+        _first_order("four", 400, True, "free"), PROCESS | {"L": 0.73, "y0": 0.0}, ("K", "tau", "c", "L"), 0.01
+    ),
     "motor by speed": Rig(_motor, MOTOR, (), 0.5),
+    "paper: pendubot, torque": _paper(paper_rigs.PENDUBOT_TORQUE, paper_rigs.TORQUE, ()),
+    "paper: motor, speed": _paper(paper_rigs.MOTOR_SPEED, paper_rigs.BOARD, (), 3),
+    "paper: motor, speed and current": _paper(paper_rigs.MOTOR_CURRENT, paper_rigs.BOARD, ("Rm", "Lm", "Kb", "Jm", "Cm")),
+    "paper: robot's motor": _paper(paper_rigs.ROBOT_MOTOR, paper_rigs.ROBOT, ("Ra", "La", "kw", "B", "J")),
+    "paper: steam, one step": _paper(
+        paper_rigs.STEAM_STEP, {f"{n}[opening]": v for n, v in paper_rigs.STEAM.items()}, ("k[opening]", "A1[opening]")
+    ),
 }
 
 
@@ -136,30 +162,52 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
-    from plantfit import Signal
     from plantfit.trust.finish.descent import descent
     from plantfit.trust.intervals.following import followed_ranges
     from plantfit.trust.intervals.linearised import linearise
     from plantfit.trust.intervals.parameter_rows import parameter_rows
 
-    rig = RIGS[name]
-    base = rig.make()
+    rig, base = RIGS[name], _base(name)
     truth = base.space.vector(rig.truth)
-    (output,) = base.outputs
-    clean, record = base.predict(truth)[output], base.experiments["run"].recording
     result = []
     for seed in seeds:
-        noisy = clean + noise_of(rig, len(clean), seed)
-        signals = {**record.signals, output: Signal(noisy, record.signals[output].unit)}
-        problem = base.with_recordings({"run": type(record)(record.t, signals, "run")})
-        moved = truth * np.exp(AROUND * np.random.default_rng([seed, 7]).normal(size=len(truth)))
-        z = np.clip(problem.space.cube(np.clip(moved, problem.space.lower, problem.space.upper)), 0.0, 1.0)
-        best = min((descent(problem, start) for start in (z, problem.space.cube(truth))), key=lambda d: d.cost * (1 + 1e-9 * (d.z is z)))
+        problem = rig.at(base, seed) if rig.at else _noisy(rig, base, truth, seed)
+        ends, most = [], float(problem.costs(np.clip(problem.space.cube(truth), 0.0, 1.0)[None, :])[0])
+        for start in range(STARTS):  # no answer costs more than the truth
+            ends.append(descent(problem, _off(problem.space, truth, [seed, 7 + start])))
+            if len(ends) >= rig.searches and min(d.cost for d in ends) <= most * (1 + 1e-6):
+                break
+        best, *others = sorted(ends, key=lambda d: d.cost)
         local = linearise(problem, best.z)
         assert local.linear is not None
-        rows = parameter_rows(problem.space, local, (), followed_ranges(problem, best.z, local.linear, 0.0))
+        ranges = followed_ranges(problem, best.z, local.linear, 0.0, [d.z for d in others])
+        rows = parameter_rows(problem.space, local, (), ranges)
         result.append(_in_order(rig, {r["name"]: [r["status"], r["low"], r["high"], r["value"]] for r in rows}))
     return result
+
+
+@lru_cache(maxsize=2)
+def _base(name: str):
+    """The problem of a rig, with what was compiled for it."""
+    return RIGS[name].make()
+
+
+def _noisy(rig: Rig, base, truth: np.ndarray, seed: int):
+    """The problem on the simulated truth and noise."""
+    from plantfit import Signal
+
+    (output,) = base.outputs
+    clean, record = base.predict(truth)[output], base.experiments["run"].recording
+    noisy = clean + noise_of(rig, len(clean), seed)
+    signals = {**record.signals, output: Signal(noisy, record.signals[output].unit)}
+    return base.with_recordings({"run": type(record)(record.t, signals, "run")})
+
+
+def _off(space, truth: np.ndarray, seed: Sequence[int]) -> np.ndarray:
+    """A start in the cube (d,) off the truth; of what is 0 in truth anywhere in a tenth of its box."""
+    draw = np.random.default_rng(seed).normal(size=len(truth))
+    moved = np.where(truth == 0.0, space.lower + 0.1 * np.abs(np.tanh(draw)) * (space.upper - space.lower), truth * np.exp(AROUND * draw))
+    return np.clip(space.cube(np.clip(moved, space.lower, space.upper)), 0.0, 1.0)
 
 
 def _in_order(rig: Rig, found: dict) -> dict:
@@ -170,18 +218,14 @@ def _in_order(rig: Rig, found: dict) -> dict:
 
 def bound(name: str) -> dict[str, float]:
     """Cramer-Rao standard errors of white noise at the truth; infinite for what is not determined."""
-    rig = RIGS[name]
-    problem = rig.make()
-    z = problem.space.cube(problem.space.vector(rig.truth))
-    j = (
-        np.asarray(problem.residuals_and_jacobian(np.clip(z, 0, 1))[1])
-        / problem.space.slopes(z)
-        * np.maximum(np.abs(list(rig.truth.values())), 1.0)
-    )
-    _, s, right = np.linalg.svd(j, full_matrices=False)
-    error = (
-        rig.noise * np.sqrt(np.sum((right.T / np.maximum(s, 1e-9 * s[0])) ** 2, axis=1)) * np.maximum(np.abs(list(rig.truth.values())), 1.0)
-    )
+    rig, problem = RIGS[name], _base(name)
+    truth = problem.space.vector(rig.truth)
+    z = np.clip(problem.space.cube(truth), 0.0, 1.0)
+    residuals, jacobian = (np.asarray(v) for v in problem.residuals_and_jacobian(z))
+    noise = rig.noise if rig.noise is not None else float(np.sqrt(np.mean(residuals**2)))
+    size = np.where(truth == 0.0, 1.0, np.abs(truth))
+    _, s, right = np.linalg.svd(jacobian / problem.space.slopes(z) * size, full_matrices=False)
+    error = noise * np.sqrt(np.sum((right.T / np.maximum(s, 1e-9 * s[0])) ** 2, axis=1)) * size
     return dict(zip(problem.space.names, error.tolist(), strict=True))
 
 

@@ -24,8 +24,8 @@ from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
-from plantfit.trust.intervals.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles
+from plantfit.trust.intervals.kinds.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.noise import noise_of
 from plantfit.trust.intervals.kinds.posterior import CHAINS, Draws, need_blackjax, posterior
 from plantfit.trust.intervals.kinds.priors import Prior, normal_priors

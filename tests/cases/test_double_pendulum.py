@@ -5,6 +5,7 @@ from importlib.resources import as_file, files
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from plantfit.cases.double_pendulum.demo import gather
 from plantfit.cases.double_pendulum.fits.fit_law import fit_law, rmse_of, standard_errors, torque_scores
@@ -96,6 +97,40 @@ def test_nine_of_ten_parameters_show(runs):
     flat = np.zeros(len(PHYSICAL))
     flat[[PHYSICAL.index(n) for n in ("I1", "m1r1", "m2")]] = -(0.2**2), -0.2, 1.0
     np.testing.assert_allclose(found.regrouping @ flat, 0, atol=1e-9)
+
+
+def test_nine_of_ten_by_the_equations_of_motion_alone(raw):
+    """The published model written out here, one column for each parameter set to 1: no code of the package but the reader's."""
+    names, blocks = ("I1", "I2", "m2", "Ir", "m1r1", "m2r2", "b1", "b2", "cf1", "cf2"), []
+    for r in raw.values():
+        t = np.arange(r.t[0], r.t[-1], 0.002)
+        motion = [savgol_filter(np.interp(t, r.t, r[f"theta{j}"]), 51, 4, deriv=d, delta=0.002) for d in (0, 1, 2) for j in (1, 2)]
+        blocks.append(np.stack([_published_torque(motion, {n: float(n == m) for n in names}) for m in names], axis=1))
+    columns = np.vstack(blocks)
+    columns = columns / (norms := np.linalg.norm(columns, axis=0))
+    _, singular, right = np.linalg.svd(columns, full_matrices=False)
+    assert singular[-1] < 1e-12 * singular[0]
+    assert singular[-2] > 0.1 * singular[0]
+    flat = right[-1] / norms
+    np.testing.assert_allclose(flat / flat[2], [-(0.2**2), 0, 1, 0, -0.2, 0, 0, 0, 0, 0], atol=1e-9)
+
+
+def _published_torque(motion, p):
+    """Torques (2 n,) by angles, rates and accelerations (n,) of both joints.
+
+    Two links hanging at 0, l1 = 0.2 m, drives of inertia Ir behind a gear of 6:1, friction b w + cf atan(100 w).
+    """
+    q1, q2, w1, w2, a1, a2 = motion
+    h, g, gear = 0.2 * p["m2r2"], 9.81, 6.0
+    m11 = p["I1"] + p["I2"] + 0.04 * p["m2"] + 2 * h * np.cos(q2) + (gear**2 + 1) * p["Ir"]
+    m12 = p["I2"] + h * np.cos(q2) - gear * p["Ir"]
+    elbow = g * p["m2r2"] * np.sin(q1 + q2)
+    shoulder = g * (p["m1r1"] + 0.2 * p["m2"]) * np.sin(q1) + elbow
+    rub = [p[f"b{j}"] * w + p[f"cf{j}"] * np.arctan(100 * w) for j, w in ((1, w1), (2, w2))]
+    return np.r_[
+        m11 * a1 + m12 * a2 - h * np.sin(q2) * (2 * w1 * w2 + w2**2) + shoulder + rub[0],
+        m12 * a1 + (p["I2"] + gear**2 * p["Ir"]) * a2 + h * np.sin(q2) * w1**2 + elbow + rub[1],
+    ]
 
 
 def test_left_out_runs_are_predicted_better_than_published(runs):

@@ -118,6 +118,21 @@ def test_an_output_is_linked_to_the_inputs_that_it_answers_to():
     assert set(roles["both"].answers) == {"a", "b"}
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_supply_that_nothing_moves_is_unsure_and_what_it_moves_is_not(seed):
+    rng = np.random.default_rng(seed)
+    n = 1200
+    valve, slow = steps(rng, n, 40, 0, 1), np.cumsum(rng.normal(0, 0.05, n))
+    supply = 60.0 + lag(slow, 1.0, 40.0)
+    outlet = lag(supply, 1.0, 8.0) - lag(valve, 20.0, 8.0)
+    table = in_a_table(valve_u=valve, temp1_degC=supply + rng.normal(0, 0.02, n), temp2_degC=outlet + rng.normal(0, 0.02, n))
+    roles = {c.header: c for c in roles_of(table).columns}
+    assert not roles["temp1_degC"].sure
+    assert "disturbance" in roles["temp1_degC"].why
+    assert (roles["temp2_degC"].kind, roles["temp2_degC"].sure) == ("output", True)
+    assert (roles["valve_u"].kind, roles["valve_u"].sure) == ("input", True)
+
+
 def test_index_constant_copy_and_set_point():
     rng = np.random.default_rng(5)
     n = 600

@@ -7,6 +7,7 @@ import pytest
 
 from plantfit import Problem, Recording, Signal, equations
 from plantfit.models.library import catalogue as library
+from plantfit.models.remade import takes
 from plantfit.trust.finish.descent import descent
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.intervals.first_values import first_value_effects
@@ -146,4 +147,17 @@ def test_the_sentence_stands_where_it_matters():
         assert bool(told) == said
         if said:
             assert "interval of tau" in told[0]
+            assert 'options = { initial = "free" }' in told[0]
+            assert "per_recording" not in told[0]
+            several = [s["sentence"] for s in parameter_sentences({**findings, "recordings": [{}, {}]})]
+            assert any("several recordings need with per_recording = true" in s for s in several)
             assert findings["determined"]["first_values"]["factor"] > 1.5
+
+
+def test_what_to_write_is_told_of_models_that_take_it():
+    first, free = (library.make("first_order", dead_time=False, initial=i) for i in ("measured", "free"))
+    motor = library.make("dc_motor")
+    own = equations("x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=DECLARED)
+    assert [takes(m, "initial", "free") for m in (first, free, motor, own)] == [True, False, False, False]
+    chamber = library.make("steam_chamber", initial="measured")
+    assert not takes(chamber, "initial", "free")  # an option of this name that has no such value

@@ -17,6 +17,7 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html, summary_text
 from plantfit.space import Parameter
 from plantfit.trust import covariance, flat_directions
+from plantfit.trust.finish.descent import descent
 from plantfit.trust.intervals.covariance import Block, normal_matrix
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
@@ -216,3 +217,30 @@ def test_the_verdict_needs_no_table():
     bare = {key: value for key, value in findings().items() if key != "tables"}
     run = RunResult("given", 0, 0, np.zeros(1), 1.0, 1.0, 0.0, Status.converged, np.ones(1), np.ones(1))
     assert any("entries of table f" in v["sentence"] for v in sentences(bare, run))
+
+
+def test_statuses_and_intervals_of_entries_do_not_depend_on_the_box():
+    """Well known, roughly known, open and never visited entries: the same in a box 30 times as wide."""
+    statuses, rows = _by_box(1.0)
+    other, wider = _by_box(30.0)
+    assert statuses == other == ["determined", "determined", "determined", "weak", "flat", "not visited"]
+    for name in ("f[0]", "f[1]", "f[3]"):
+        for key in ("low", "high", "standard_error"):
+            assert wider[name][key] == pytest.approx(rows[name][key], rel=1e-4)
+    assert (rows["f[4]"]["standard_error"], rows["f[4]"]["open"]) == (None, "both")
+    assert 0.25 * TRUTH[3] < rows["f[3]"]["standard_error"] < 2 * TRUTH[3]  # no box makes it smaller
+
+
+@functools.cache
+def _by_box(width):
+    """Statuses of the entries and rows by name: the node at 12 bar is seen by samples up to 9 bar, the one at 16 by one at 12.02."""
+    u = np.concatenate([np.random.default_rng(1).uniform(0.0, 8.6, 300), [12.02]])
+    y = np.interp(u, NODES, TRUTH) + u**2 / 400.0
+    y += 0.05 * np.random.default_rng(2).normal(size=len(u))
+    record = Recording(np.arange(len(u)) * 1.0, {"u": Signal(u, "bar"), "y": Signal(y, "V")}, "a")
+    own = {"f": Parameter((-60.0 * width, 60.0 * width), "V", shape=(6,)), "c": Parameter(value=1.0, unit="V")}
+    problem = Problem(curve(), {"a": record}, own)
+    best = descent(problem, problem.space.cube(problem.space.vector({f"f[{k}]": v + 0.3 for k, v in enumerate(TRUTH)})))
+    run = RunResult("given", 0, 0, best.z, best.cost, 1.0, 0.0, Status.converged, np.ones(1), np.ones(1))
+    rows = {p["name"]: p for p in Answer(problem, [run], 0).findings["parameters"]}
+    return [rows[f"f[{k}]"]["status"] for k in range(6)], rows

@@ -3,7 +3,7 @@
 import numpy as np
 
 from plantfit.answer import Answer
-from plantfit.trust.intervals.inference_data import Drawn, need_h5netcdf, netcdf_of
+from plantfit.trust.intervals.kinds.inference_data import Drawn, need_h5netcdf, netcdf_of
 from plantfit.trust.intervals.plausible import plausible
 
 DRAWS = 1000

@@ -49,7 +49,7 @@ class Parameter(Record):
     open: Literal["lower", "upper", "both"] | None = None
     """Ends that the data do not set: `low` and `high` are bounds of the search there."""
     limits: list[Number] | None = None
-    """Physical ones, lower and upper; none where the bounds are the prior (tables, more than 60 coordinates)."""
+    """Physical ones, lower and upper; None where there is none."""
     lower_bound: Number = None
     """Of the search."""
     upper_bound: Number = None
@@ -115,6 +115,8 @@ class FirstValues(Record):
 
     parameter: str
     factor: float
+    option: str | None = None
+    """What makes the initial values parameters in the model's options; None for models without such an option."""
 
 
 class Determined(Record):

@@ -1,11 +1,15 @@
 """What every record of the findings is: frozen, checked when it is made, and JSON types when it is asked for."""
 
+import ast
+import inspect
 from collections.abc import Mapping
+from itertools import pairwise
 from math import isfinite
-from typing import Annotated, Any, ClassVar, Literal, Self
+from textwrap import dedent
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, WithJsonSchema, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema, model_validator
 
 
 def _finite(value: Any) -> Any:
@@ -43,7 +47,17 @@ READ = "read"
 class Record(BaseModel):
     """A maker that gives a key which the record does not know is told so; a key that it does not give stays out of the JSON."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """With what is written under each field. Pydantic's own option reads it whenever a class is made, a tenth of a second a start."""
+        schema = handler(core_schema)
+        keys = handler.resolve_ref_schema(schema).get("properties", {})
+        for name, words in _attribute_docstrings(cls).items():
+            if (field := cls.model_fields.get(name)) and (key := keys.get(field.alias or name)) is not None:
+                key.setdefault("description", words)
+        return schema
 
     @model_validator(mode="before")
     @classmethod
@@ -71,6 +85,18 @@ class Printed(Record):
     def printed(self, **more: Any) -> dict[str, Any]:
         """As JSON types without samples, with what only the command knows."""
         return self.having(**more).model_dump(by_alias=True, exclude_unset=True, exclude=self.samples_in)
+
+
+def _attribute_docstrings(cls: type) -> dict[str, str]:
+    """The text under each attribute of a class and of those that it is made of, by name."""
+    found: dict[str, str] = {}
+    for own in reversed([c for c in cls.__mro__ if issubclass(c, Record)]):
+        body = cast(ast.ClassDef, ast.parse(dedent(inspect.getsource(own))).body[0]).body
+        for field, text in pairwise(body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                    found[name] = inspect.cleandoc(words)
+    return found
 
 
 def array(values: Values | list[float]) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import inspect
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -26,6 +27,18 @@ def remade(factory: Callable[P, M]) -> Callable[P, M]:
         return model
 
     return make
+
+
+def takes(model: Any, option: str, value: Any) -> bool:
+    """Whether the factory that made a model also makes it with this value of an option, and does not so already."""
+    factory, args, options = getattr(model, _CALL, (None, (), {}))
+    if factory is None or option not in inspect.signature(factory).parameters or options.get(option) == value:
+        return False
+    try:
+        factory(*args, **{**options, option: value})
+    except (ModelError, TypeError):
+        return False
+    return True
 
 
 def _kept(value: Any) -> Any:

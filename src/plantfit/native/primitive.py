@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.native.compile.compilation import address_of, key_of
+from plantfit.native.compile.compilation import address_of, kept_address, key_of
 from plantfit.native.compile.processor import host
 from plantfit.native.emit.kernel import Program, Shape, count_nodes, make_kernel
 from plantfit.native.layout import Layout, choose_layout
@@ -136,16 +136,34 @@ def _registered(program: Program, shape: Shape) -> str:
     """The FFI target of a kernel, compiled and registered when it is new."""
     kernel = make_kernel(program, shape)
     key = key_of(kernel.text)
-    name = f"plantfit_native_{key}"
+    name = f"{PREFIX}{key}"
     with _LOCK:
         if name not in _REGISTERED:
             jax.ffi.register_ffi_target(name, capsule(address_of(kernel.text, key, kernel.libm)), platform="cpu")
-            _REGISTERED.add(name)
+            _REGISTERED[name] = kernel.libm
     return name
 
 
+def libm_of(name: str) -> tuple[str, ...]:
+    """The functions of the C library that the kernel of an FFI target calls. Raises KeyError for a target that is not registered."""
+    return _REGISTERED[name]
+
+
+def register_kept(name: str, libm: tuple[str, ...]) -> bool:
+    """Register the FFI target of a kernel from its object code on disk; whether it could be."""
+    with _LOCK:
+        if name not in _REGISTERED:
+            address = kept_address(name.removeprefix(PREFIX), libm)
+            if address is None:
+                return False
+            jax.ffi.register_ffi_target(name, capsule(address), platform="cpu")
+            _REGISTERED[name] = libm
+    return True
+
+
+PREFIX = "plantfit_native_"
 _LOCK = threading.Lock()
-_REGISTERED: set[str] = set()  # FFI targets of this process
+_REGISTERED: dict[str, tuple[str, ...]] = {}  # FFI targets of this process, and what each calls of the C library
 
 
 def capsule(address: int) -> Any:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -13,6 +13,7 @@ from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
+from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
 from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
@@ -33,7 +34,8 @@ from plantfit.space import Space
 import jax
 import jax.numpy as jnp
 
-_OF_DATA = ("data", "arguments", "unsmoothed")  # made when first asked for
+_OF_DATA = ("data", "arguments", "unsmoothed", "_description")  # made when first asked for
+_NOT_COMPILED = ("study_file", "name")
 _PREPARED = ("parts",)  # made by `_prepare`
 
 
@@ -315,15 +317,20 @@ class Problem:
         if key not in self._compiled:
             functions = self.evaluator
             names = ("residuals", "costs", "values_and_gradients", "residuals_and_jacobian", "blocks")
-            self._compiled[key] = {n: jax.jit(getattr(functions, n)) for n in names}
-            self._compiled[key]["outputs"] = jax.jit(self.predictor.outputs)
-            self._compiled[key]["trajectories"] = jax.jit(self.predictor.trajectories)
+            given = {n: getattr(functions, n) for n in names}
+            given["costs"] = partial(_or_infinite, functions.costs)
+            given |= {"outputs": self.predictor.outputs, "trajectories": self.predictor.trajectories}
+            self._compiled[key] = {n: Kept(f, n, lambda: self._description) for n, f in given.items()}
         return self._compiled[key]
+
+    @cached_property
+    def _description(self) -> bytes | None:
+        """A digest of all that is compiled into the functions; None where it cannot be told."""
+        return described({k: v for k, v in self.__getstate__().items() if k not in _NOT_COMPILED})
 
     def costs(self, zs: Any) -> jax.Array:
         """Costs (n,) of cube points (n, d); +inf where a candidate cannot be simulated."""
-        f = self.compiled["costs"](jnp.asarray(zs), self.arguments)
-        return jnp.where(jnp.isfinite(f), f, jnp.inf)
+        return self.compiled["costs"](jnp.asarray(zs), self.arguments)
 
     def values_and_gradients(self, zs: Any) -> tuple[jax.Array, jax.Array]:
         """Costs (n,) and their exact gradients (n, d) at cube points (n, d)."""
@@ -409,3 +416,9 @@ class Problem:
     def outputs_over(self, name: str, p: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Every output (n,) over the whole recording `name` at named parameter values, as `Space.tree` gives them."""
         return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self.parts.whole[name]).items()}
+
+
+def _or_infinite(costs: Callable[[Any, Any], Any], zs: Any, arguments: Any) -> Any:
+    """Costs (n,), +inf where a candidate cannot be simulated."""
+    f = costs(zs, arguments)
+    return jnp.where(jnp.isfinite(f), f, jnp.inf)

@@ -17,6 +17,7 @@ from plantfit.recording.readers.numbers import casted, mostly_numbers
 Kind = Literal["time", "index", "input", "output", "constant", "set point", "copy", "text", "empty"]
 MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
+UNMOVED = 0.1  # share of its changes, below which a column counts as moved by no other
 
 _PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
 _INPUT = re.compile(
@@ -145,8 +146,10 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
         answers = (
             () if kind == "input" else tuple(own[i] for i in sorted(inputs, key=lambda i: -tells[i, k]) if _drives(tells, i, k, inputs))
         )
-        sure = abs(evidence[k]) >= SURE and k != forced
-        found[h] = _role(columns[h], kind, reasons[k][kind] or "nothing speaks against it", sure, answers)
+        alone = kind == "output" and _unmoved(tells, k, inputs)
+        sure = abs(evidence[k]) >= SURE and k != forced and not alone
+        why = reasons[k][kind] or "nothing speaks against it"
+        found[h] = _role(columns[h], kind, f"{why}; but no column moves it, so it may be a disturbance" if alone else why, sure, answers)
     for h in goals:
         found[h] = _role(columns[h], "set point", "a set point by its name", True)
     for h, of in copies.items():
@@ -156,6 +159,12 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
 
 def _role(column: Column, kind: Kind, why: str, sure: bool, answers: tuple[str, ...] = ()) -> Role:
     return Role(column.header, identifier(column.name), column.unit, kind, why, sure, answers)
+
+
+def _unmoved(tells: np.ndarray, k: int, inputs: Sequence[int]) -> bool:
+    """Whether nothing tells of output k, while something clearly tells of another output: a supply temperature, a load, the weather."""
+    others = [float(tells[:, j].max()) for j in range(len(tells)) if j != k and j not in inputs]
+    return float(tells[:, k].max()) < UNMOVED < 3.0 * UNMOVED < max(others, default=0.0)
 
 
 def _drives(tells: np.ndarray, i: int, k: int, inputs: Sequence[int]) -> bool:
@@ -197,13 +206,13 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
     jumps = _jumps(v)
     if jumps:
-        add(1.3 * jumps, "it holds and jumps" if jumps > 0 else "it moves smoothly")
+        add(1.3 * jumps, "it stays level and jumps" if jumps > 0 else "it changes gradually")
     others = [i for i in range(len(tells)) if i != k]
     if others:
         out, back = max(tells[k, i] for i in others), max(tells[i, k] for i in others)
         lead = (out - back) / max(out + back, 0.05)
         if abs(lead) > 0.3:
-            add(1.2 * lead, "others follow it" if lead > 0 else "it follows another")
+            add(1.2 * lead, "other columns react to it" if lead > 0 else "it reacts to another column")
     return total, {kind: ", ".join(clauses) for kind, clauses in said.items()}
 
 

@@ -61,7 +61,7 @@ def assess(
     visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
     ranges, spent = None, float(sum(r.evaluations for r in runs))
     if local.linear is not None:
-        ranges = followed_ranges(problem, best.x, local.linear, spent)
+        ranges = followed_ranges(problem, best.x, local.linear, spent, _other_ends(runs, best))
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
@@ -94,6 +94,13 @@ def assess(
         reproduction=Reproduction(spec=spec, seed=seed, versions=versions(), cpu=cpu_model(), seconds=dict(seconds or {}), command=command),
     ).plain()
     return {**found, "verdict": sentences(found, best)}
+
+
+def _other_ends(runs: Sequence[RunResult], best: RunResult) -> list[np.ndarray]:
+    """Where other runs and the searches within runs ended, the lowest first."""
+    ends = sorted((r for r in runs if r is not best and np.isfinite(r.cost)), key=lambda r: r.cost)
+    within = [z for r in (best, *ends) for key in ("elsewhere", "nearly") for z in r.extra.get(key, ())]
+    return [np.asarray(z, dtype=float) for z in (*(r.x for r in ends), *within)]
 
 
 def _parts(problem: Problem, name: str) -> dict[str, np.ndarray]:
@@ -211,7 +218,9 @@ def _run(problem: Problem, r: RunResult) -> Run:
         parameters=named(problem, r.x),
         searched=named(problem, r.extra["searched"]) if "searched" in r.extra else {},
         history=History(evaluations=np.asarray(r.history_evaluations).tolist(), cost=_listed(r.history_cost)),
-        extra={k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere")},
+        extra={
+            k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere", "nearly")
+        },
     )
 
 

@@ -48,6 +48,19 @@ def address_of(text: str, key: str, libm: tuple[str, ...]) -> int:
         return _ENGINES[key][1]
 
 
+def kept_address(key: str, libm: tuple[str, ...]) -> int | None:
+    """The same address where the object code is kept on disk, without its text; None where it is not."""
+    with _LOCK:
+        if key not in _ENGINES:
+            folder = code_folder("native")
+            code = None if folder is None else read_object(folder / f"{key}.o", key)
+            if code is None:
+                return None
+            find_libm(libm)
+            _ENGINES[key] = _load(code)
+        return _ENGINES[key][1]
+
+
 def engine_of(key: str) -> Any:
     """LLVM's engine of a text that `address_of` compiled."""
     return _ENGINES[key][0]

@@ -7,6 +7,7 @@ import numpy as np
 from plantfit.optimize.local.one_search import Found
 
 ELSEWHERE, FAR = 8, 0.05  # points of the best cost that are kept, and how far apart they are in the cube
+NEARLY = 1.5  # times the best cost up to which the ends of searches are kept: noise may have put another optimum lowest
 DOUBT = 0.1  # share of the box that may be unseen when the budget ends a run that is called converged
 
 
@@ -20,12 +21,15 @@ class Basins:
     Keeps in `extra`: `starts` (searches that came to their end), `cut_searches`, `skipped_starts` (points that could not be
     simulated), `basin_hits` (independent searches that ended at the best cost), `optima` (different costs at which independent
     searches ended), `unseen`, `local_costs` (of the searches that ended), `basin_cost` (the lowest of all), `elsewhere` (points (d,) of
-    the best cost that are far from the best point and from each other).
+    the best cost that are far from the best point and from each other), `nearly` (points (d,) like these where searches ended at other
+    costs, up to half as much again).
     """
 
     def __init__(self, extra: dict[str, Any], relative: float = 1e-6, floor: float = 1e-20):
         self.extra, self.relative, self.floor = extra, relative, floor
-        self.extra.update(starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[])
+        self.extra.update(
+            starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[], nearly=[]
+        )
         self._independent: list[float] = []
         self._ends: list[tuple[float, np.ndarray]] = []
         self._cut: list[float] = []
@@ -114,10 +118,10 @@ class Basins:
         """Independent searches that ended at this cost."""
         return int(np.sum(np.asarray(self._independent) <= self._same(best)))
 
-    def _elsewhere(self) -> list[list[float]]:
-        """The points of the best cost that are far from the best of them."""
+    def _apart(self, most: float) -> list[list[float]]:
+        """The points of at most this cost that are far from the best of them and from each other."""
         apart: list[np.ndarray] = []
-        for _, x in sorted((end for end in self._ends if end[0] <= self._same(self.best)), key=lambda end: end[0]):
+        for _, x in sorted((end for end in self._ends if end[0] <= most), key=lambda end: end[0]):
             if len(apart) <= ELSEWHERE and all(np.max(np.abs(x - other)) > FAR for other in apart):
                 apart.append(x)
         return [x.tolist() for x in apart[1:]]
@@ -130,4 +134,5 @@ class Basins:
         self.extra["unseen"] = self.unseen
         if np.isfinite(self.best):
             self.extra["basin_cost"] = self.best
-        self.extra["elsewhere"] = self._elsewhere()
+        self.extra["elsewhere"] = self._apart(self._same(self.best))
+        self.extra["nearly"] = [x for x in self._apart(NEARLY * self.best) if x not in self.extra["elsewhere"]]

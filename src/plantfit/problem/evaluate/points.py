@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.kept_programs import Kept
 from plantfit.problem.evaluate.triangle import compressed as compressed_blocks
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Drive
@@ -23,7 +24,8 @@ SMALL = 50_000  # entries of a Jacobian, or steps times coordinates, up to which
 @lru_cache(maxsize=16)
 def several(function: Callable) -> Callable:
     """Of one compiled function of (z, arguments) that for several z."""
-    return jax.jit(jax.vmap(function, in_axes=(0, None)))
+    many = jax.vmap(function, in_axes=(0, None))
+    return Kept(many, f"{function.name} of several", function.description) if isinstance(function, Kept) else jax.jit(many)
 
 
 def shared(problem: Problem) -> bool:

@@ -160,5 +160,5 @@ def _initial(simulator: Simulator, p: list[Value]) -> list[Degree]:
     def flat(*values: Any) -> list[Any]:
         return list(simulator.initial(dict(zip(vector.parameters, values[n + m :], strict=True)), values[:n], values[n : n + m]))
 
-    run = degrees(flat, [*(1.0,) * (n + m), *(jnp.ones(d.shape) for d in vector.model.parameters)])
+    run = degrees(flat, [*(1.0,) * (n + m), *(jnp.ones(d.shape) if d.shape else 1.0 for d in vector.model.parameters)])
     return list(map(of, run(*(CONSTANT,) * (n + m), *p)))

@@ -17,6 +17,7 @@ import numpy as np
 import scipy  # scipy.integrate is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.kept_programs import Kept, described
 from plantfit.simulate.check.modes import Modes
 from plantfit.simulate.simulator import Drive, Simulator
 
@@ -210,7 +211,9 @@ def _compiled(simulator: Simulator) -> _Compiled:
     def record(p, drive):
         return Record(simulator.steps(p, drive), simulator.states(p, drive), simulator.channels(p, drive))
 
-    return _Compiled(jax.jit(record), jax.jit(jax.vmap(simulator.vector.output, in_axes=(0, 0, None))))
+    settings = simulator.vector.model, simulator.stepper, simulator.substeps, simulator.interpolated
+    output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
+    return _Compiled(*(Kept(f, f"tight {name}", lambda: described(settings)) for name, f in (("record", record), ("output", output))))
 
 
 def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:

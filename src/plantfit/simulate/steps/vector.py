@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
@@ -95,7 +97,7 @@ def _leaves_a_branch(function: Callable, given: tuple[Scalars, ...]) -> bool:
 def placeholders(model: Model) -> tuple[Scalars, Scalars, Scalars]:
     """States, channels and parameters of the right shapes, to trace the functions of a model with."""
     channels = len(model.inputs) + len(model.delays) + len(model.state_delays) + 1
-    return (1.0,) * len(model.states), (1.0,) * channels, tuple(jnp.ones(d.shape) for d in model.parameters)
+    return (1.0,) * len(model.states), (1.0,) * channels, tuple(jnp.ones(d.shape) if d.shape else np.ones(()) for d in model.parameters)
 
 
 def _picked(values, names, model, what):

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
+import scipy  # its rooms are loaded at their first use, not for a study of one run
 
 APART = 0.05  # share of the bounds by which a coordinate must differ for answers to be distinct
 MOST = 1500  # answers that are told apart, the best ones
@@ -60,8 +58,10 @@ def optima(costs: Any, x: Any, within: float, apart: float = APART) -> list[Basi
     near = order[costs[order] <= costs[order[0]] + within][:MOST] if len(order) else order
     if not len(near):
         return []
-    pairs = KDTree(x[near]).query_pairs(apart, p=np.inf, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near), len(near)))
-    count, label = connected_components(graph, directed=False)
+    if len(near) == 1:
+        return [Basin(float(costs[near[0]]), (int(near[0]),), 1.0 / len(costs), x[near[0]].copy(), np.zeros(x.shape[1]))]
+    pairs = scipy.spatial.KDTree(x[near]).query_pairs(apart, p=np.inf, output_type="ndarray")
+    graph = scipy.sparse.coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near), len(near)))
+    count, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     groups = sorted((near[label == k] for k in range(count)), key=lambda g: (-len(g), costs[g[0]]))
     return [Basin(float(costs[g[0]]), tuple(g.tolist()), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups]

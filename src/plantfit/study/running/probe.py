@@ -22,7 +22,7 @@ def probe(objective: Objective, to_physical: Callable[[Any], Any] | None) -> byt
     # irrational steps: inside the cube, in no special place of any model
     z = np.mod(0.5 + np.outer(np.arange(1, POINTS + 1), np.sqrt(np.arange(2, d + 2))), 1.0)
     costs = np.asarray(objective.costs(jnp.asarray(z)), dtype=float)
-    values = z if to_physical is None else np.asarray(to_physical(jnp.asarray(z)), dtype=float)
+    values = z if to_physical is None else np.asarray(to_physical(z), dtype=float)
     return to_blob(np.concatenate([costs.ravel(), values.ravel()]))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
+from plantfit.models.remade import takes
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.ranges import Linear, Range
 
@@ -64,7 +65,7 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
         directions=d - len(loose) + (known_directions(linear, loose) if linear.sound else 0),
         sound=linear.sound,
         samples=linear.samples,
-        first_values=_by_first_values(names, linear, status),
+        first_values=_by_first_values(problem, linear, status),
         combinations=[
             DeterminedCombination(
                 formula=c.text(names),
@@ -90,13 +91,15 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
     )
 
 
-def _by_first_values(names: Sequence[str], linear: Linear, status: Mapping[str, str]) -> FirstValues | None:
+def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]) -> FirstValues | None:
     """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
+    names = problem.space.names
     known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
     widest = max(known, key=lambda i: linear.begun[i], default=None)
     if widest is None or linear.begun[widest] < WIDER:
         return None
-    return FirstValues(parameter=names[widest], factor=float(linear.begun[widest]))
+    option = 'initial = "free"' if takes(problem.model, "initial", "free") else None
+    return FirstValues(parameter=names[widest], factor=float(linear.begun[widest]), option=option)
 
 
 def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:

@@ -87,8 +87,9 @@ def covariance(
     smoothing: np.ndarray | None = None,
     robust: bool = True,
     begins: np.ndarray | None = None,
+    prior: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior.
+    """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior, or one of precision `prior` (d,).
 
     The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
     Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
@@ -111,12 +112,13 @@ def covariance(
     data = normal_matrix(j, blocks)
     variance = max(float(residuals @ residuals) / degrees, rounding(data, len(residuals)))
     hessian = data / variance
-    prior = box_prior(hessian)
-    if smoothing is not None:
-        smooth = smoothing[np.ix_(active, active)] / variance
-        prior = smooth + box_prior(hessian + smooth)
-    bread = np.linalg.inv(hessian + prior)
-    spread = sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust) + begun(j, bread, variance, begins)
+    smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
+    before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))
+    bread = np.linalg.inv(hessian + before)
+    spread = sandwich(j, residuals, blocks, bread, before, variance, degrees, robust) + begun(j, bread, variance, begins)
+    if prior is not None:
+        result[np.ix_(active, active)] = 0.5 * (spread + spread.T)
+        return result
     inside = np.sqrt(np.minimum(1.0, 1.0 / (BOX_PRECISION * np.maximum(np.diag(spread), 1e-300))))
     result[np.ix_(active, active)] = spread * inside[:, None] * inside[None, :]
     return 0.5 * (result + result.T)

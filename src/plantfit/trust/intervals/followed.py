@@ -128,6 +128,27 @@ class Followed:
         if self._reach(i, beyond) > max(wide, min(BEYOND * wide, OPENS * known)):
             found.low, found.high = beyond.low, beyond.high
 
+    def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
+        """The point (d,) where a search from another one's `end` stops, if it costs little more than the answer."""
+        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
+        top = float(np.max(self.linear.threshold)) * self.linear.variance
+        if not np.isfinite(block.cost) or block.cost - self.least > top:
+            return None
+        self.growths[block.x.tobytes()] = float(block.cost - self.least) / self.linear.variance
+        return block.x
+
+    def _settled(self, point: np.ndarray) -> Block:
+        """A search of all coordinates from a point (d,)."""
+        self.left = max(self.left, 2 * STEPS)
+        block = Block(np.arange(len(point)), point, *self._rows(point), tolerance=1e-9, damping=SMALL**2)
+        for _ in range(STEPS if np.isfinite(block.cost) else 0):
+            step, promised = block.step()
+            if block.done or promised <= 1e-3 * self.linear.variance:
+                break
+            self.left -= 1
+            block.update(step, promised, *self._rows(np.clip(block.x + step, 0.0, 1.0)))
+        return block
+
     def _end(self, i: int, sign: float) -> float:
         """Where the range of coordinate i ends to one side, in its unit."""
         step, x = linear_end(self.linear, i, sign)

@@ -6,20 +6,30 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
+from plantfit.study.comparing.symmetry import same_by_symmetry
 from plantfit.trust.intervals.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
+OTHERS, APART = 4, 0.05  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
 FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 
 
-def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: float) -> Mapping[int, Range]:
-    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each."""
+def followed_ranges(
+    problem: Problem, z: np.ndarray, linear: Linear, spent: float, others: Sequence[np.ndarray] = ()
+) -> Mapping[int, Range]:
+    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each.
+
+    `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that noise may have
+    chosen between the two, the ranges hold both, however high the cost between them; not where both are one model written twice.
+    """
     d = len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
     found = {i: walk.range(i) for i in range(d)}
     seen: set[int] = set()
+    for end in _far_apart([z, *others], OTHERS + 1)[1:]:
+        _hold(walk, found, end)
     while True:
         _joined(problem, walk, found)
         open_ones = [i for i in found if not walk.narrow(i, found[i])]
@@ -36,6 +46,40 @@ def followed_ranges(problem: Problem, z: np.ndarray, linear: Linear, spent: floa
         for i in sorted(set(found) - set(open_ones)):
             walk.look_beyond(i, found[i], _starts([walk.z, *(z for own in found.values() for z in own.points)], i))
     return found
+
+
+def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
+    """Widen the ranges to another end of a search that costs as little, and follow them from there."""
+    if np.max(np.abs(end - walk.z)) <= APART:
+        return
+    place = walk.elsewhere(end)
+    if place is None:
+        return
+    place = _named_alike(walk, found, place)
+    if np.max(np.abs(place - walk.z)) <= APART:
+        return
+    for i, own in found.items():
+        if walk.growths[place.tobytes()] <= walk.linear.threshold[i]:
+            own.points.append(place)
+    _joined(walk.problem, walk, found)
+    for i, own in found.items():  # a value may be the same there, and go elsewhere from there
+        walk.go_on(i, own, [place])
+
+
+def _named_alike(walk: Followed, found: Mapping[int, Range], place: np.ndarray) -> np.ndarray:
+    """The point (d,) with exchanged terms and changed signs taken back, as the answer has them: these are one model written twice.
+
+    Open coordinates may be anywhere in it, and say nothing of an exchange.
+    """
+    fixed = np.array([walk.narrow(i, found[i]) for i in range(len(place))])
+    symmetry = same_by_symmetry(walk.problem, walk.z, np.where(fixed, place, walk.z))
+    if symmetry is None:
+        return place
+    values, back = np.asarray(walk.problem.space.physical(place)), np.zeros(len(place))
+    back[list(symmetry.source)] = np.array(symmetry.sign) * values
+    alike = np.clip(walk.problem.space.cube(back), 0.0, 1.0)
+    walk.growths[alike.tobytes()] = walk.growths[place.tobytes()]
+    return alike
 
 
 def _starts(met: Sequence[np.ndarray], i: int) -> list[np.ndarray]:

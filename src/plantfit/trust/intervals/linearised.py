@@ -13,7 +13,7 @@ from plantfit.space import Space
 from plantfit.trust.identify.directions import Direction, flat_directions
 from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
-from plantfit.trust.intervals.ranges import Linear, linear_problem, plain_space
+from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
@@ -29,7 +29,9 @@ class Local:
     limits, also one that a bound holds, and no box makes errors smaller. Problems with tables or with more than 60 coordinates have none;
     their covariance takes the box as prior.
     `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
-    residual depends on it at all. `robust`: whether the covariance allows for residuals that are correlated in time.
+    residual depends on it at all. `unboxed` (d,), where there is no `linear`: standard errors with no other prior than a smoothing,
+    so that statuses do not depend on where was searched; 0 where a physical limit holds a value. `robust`: whether the covariance
+    allows for residuals that are correlated in time.
     """
 
     values: np.ndarray
@@ -41,6 +43,7 @@ class Local:
     touched: np.ndarray
     linear: Linear | None = None
     robust: bool = True
+    unboxed: np.ndarray | None = None
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
@@ -52,7 +55,7 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     lower, upper = _held(z, np.vstack([jacobian, bends[1]]), np.r_[residuals, bends[0]])
     free = ~((lower & _physical(space, 0)) | (upper & _physical(space, 1)))  # a bound of the search holds nothing
     values, slope = np.asarray(space.physical(z)), space.slopes(z)
-    linear, begins = None, first_value_effects(problem, z, blocks)
+    linear, unboxed, begins = None, None, first_value_effects(problem, z, blocks)
     robust = robust_errors(problem, residuals, blocks)
     if plain_space(problem):
         linear = linear_problem(problem, z, residuals, jacobian, blocks, robust, begins=begins)
@@ -60,6 +63,7 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     else:
         cube = covariance(jacobian, residuals, blocks, free, smoothing, robust, begins)
         physical = cube * slope[:, None] * slope[None, :]
+        unboxed = _unboxed(space, values, slope, jacobian, residuals, blocks, free, smoothing, robust, begins)
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
     on = np.flatnonzero(free)
@@ -72,8 +76,44 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     known[on] = effective
     return Local(
         values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0),
-        linear, robust,
+        linear, robust, unboxed,
     )  # fmt: skip
+
+
+def natural_sizes(space: Space, values: np.ndarray) -> np.ndarray:
+    """What a change of each of the `values` (d,) is large against: the value, the size that matters, half of the median of its table."""
+    groups: dict[tuple[str, str | None], list[int]] = {}
+    for i, c in enumerate(space.coordinates):
+        groups.setdefault((c.parameter, c.recording), []).append(i)
+    sizes = np.array([max(abs(float(v)), c.typical) for v, c in zip(values, space.coordinates, strict=True)])
+    for own in groups.values():
+        sizes[own] = np.maximum(sizes[own], 0.5 * float(np.median(np.abs(values[own]))))
+    return sizes
+
+
+def _unboxed(
+    space: Space,
+    values: np.ndarray,
+    slope: np.ndarray,
+    jacobian: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    free: np.ndarray,
+    smoothing: np.ndarray,
+    robust: bool,
+    begins: np.ndarray,
+) -> np.ndarray:
+    """Standard errors (d,) in the parameters' units where nothing but a smoothing is known beside the data.
+
+    In coordinates of natural size, in which nothing moves further than `FAR`, as where ranges are made.
+    """
+    size = natural_sizes(space, values)
+    size = np.where(size > 0.0, size, space.upper - space.lower)  # of a table of zeros nothing is known
+    by = size / slope
+    found = covariance(
+        jacobian * by, residuals, blocks, free, smoothing * np.outer(by, by), robust, begins, np.full(len(values), FAR**-2.0)
+    )
+    return np.sqrt(np.maximum(np.diag(found), 0.0)) * size
 
 
 def _physical(space: Space, side: int) -> np.ndarray:

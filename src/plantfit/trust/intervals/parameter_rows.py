@@ -10,7 +10,7 @@ from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
 from plantfit.trust.identify.table_visits import Visits
-from plantfit.trust.intervals.linearised import OPEN, Local
+from plantfit.trust.intervals.linearised import Local, natural_sizes
 from plantfit.trust.intervals.ranges import Range, linear_range
 
 Row = dict[str, Any]
@@ -24,15 +24,15 @@ CUT = 3.0  # times that of the range: a linearised standard error above it means
 def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None) -> list[Row]:
     """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on.
 
-    `ranges` by place are those of `trust/intervals/following.py`; by default those of the linearised problem. Problems
-    without one, which have tables or many coordinates, are judged against the box.
+    `ranges` by place are those of `trust/intervals/following.py`; by default those of the linearised problem. Problems without one, which
+    have tables or many coordinates, are judged by standard errors that know no box.
     """
-    rows = []
+    rows, sizes = [], natural_sizes(space, local.values)
     for i, c in enumerate(space.coordinates):
         if c.name in unseen:
             rows.append(_unseen(c, local, i))
         elif local.linear is None:
-            rows.append(_free(c, local, i))
+            rows.append(_free(c, local, i, float(sizes[i])))
         else:
             rows.append(_ranged(c, local, i, ranges[i] if ranges is not None else linear_range(local.linear, i)))
     for name, p in space.parameters.items():
@@ -73,25 +73,45 @@ def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] =
     return result
 
 
-def _free(c: Coordinate, local: Local, i: int) -> Row:
-    value, error, bound = float(local.values[i]), float(local.standard_error[i]), local.at_bound[i]
+def _free(c: Coordinate, local: Local, i: int, size: float) -> Row:
+    """A row of an entry of a table or one of many coordinates, by its standard error without the box.
+
+    It is open where that is above its natural `size`; `low` and `high` are bounds of the search then.
+    """
+    assert local.unboxed is not None
+    value, error, bound = float(local.values[i]), float(local.unboxed[i]), local.at_bound[i]
+    status = "at bound" if bound else _status(c, value, error, size)
+    end = (min(c.lower, value), max(c.upper, value)) if status == "flat" else (value - 1.96 * error, value + 1.96 * error)
+    return {
+        **_row(c, local, i),
+        "standard_error": None if bound or status == "flat" else error,
+        "low": None if bound else max(end[0], c.limits[0]),
+        "high": None if bound else min(end[1], c.limits[1]),
+        "open": "both" if status == "flat" else None,
+        "limits": [float(v) if np.isfinite(v) else None for v in c.limits],
+        "status": status,
+    }
+
+
+def _row(c: Coordinate, local: Local, i: int) -> Row:
+    """What every row of a free coordinate has, its standard error, range and status to come."""
     return {
         "name": c.name,
         "parameter": c.parameter,
         "recording": c.recording,
         "index": list(c.index),
         "unit": c.unit,
-        "value": value,
-        "standard_error": None if bound else error,
-        "low": None if bound else max(value - 1.96 * error, c.lower),
-        "high": None if bound else min(value + 1.96 * error, c.upper),
+        "value": float(local.values[i]),
+        "standard_error": None,
+        "low": None,
+        "high": None,
         "open": None,
         "limits": None,
         "lower_bound": c.lower,
         "upper_bound": c.upper,
         "scale": "log" if c.log else "linear",
-        "at_bound": bound,
-        "status": "at bound" if bound else _status(c, value, error),
+        "at_bound": local.at_bound[i],
+        "status": NOT_VISITED,
     }
 
 
@@ -104,7 +124,7 @@ def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
     high = found.high if np.isfinite(found.high) else max(c.upper, value)
     error = None if ends or bound else _error(found, value, c, float(local.linear.standard_error[i]), local.linear.quantile)
     return {
-        **_free(c, local, i),
+        **_row(c, local, i),
         "standard_error": error,
         "low": float(low),
         "high": float(high),
@@ -134,17 +154,14 @@ def judged(c: Coordinate, value: float, found: Range, sound: bool) -> str:
 
 def _unseen(c: Coordinate, local: Local, i: int) -> Row:
     """A value that a search left where it was, or a prior put there: it has no standard error and leans on no bound."""
-    nothing = {"standard_error": None, "low": None, "high": None, "at_bound": None}
-    return {**_free(c, local, i), **nothing, "status": NOT_VISITED}
+    return {**_row(c, local, i), "at_bound": None}
 
 
-def _status(c: Coordinate, value: float, error: float) -> str:
-    """How well the data fix an entry of a table or one of many coordinates: open by the box, which is a prior there, rough by the value."""
-    relative = error / max(abs(value), 1e-300)
-    share = relative / np.log(c.upper / c.lower) if c.log else error / (c.upper - c.lower)
-    if share > OPEN:
+def _status(c: Coordinate, value: float, error: float, size: float) -> str:
+    """How well the data fix an entry of a table or one of many coordinates, by the value as where ranges are; the box has no part in it."""
+    if not error <= size:
         return "flat"
-    return "weak" if relative > ROUGH else "determined"
+    return "weak" if error > ROUGH * max(abs(value), c.typical) else "determined"
 
 
 def _fixed(name: str, p: Parameter, index: tuple[int, ...], value: float) -> Row:

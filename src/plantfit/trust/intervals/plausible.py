@@ -13,6 +13,7 @@ from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.trust.heterogeneity.widened import effects
 from plantfit.trust.intervals.linearised import Local, linearise
+from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
@@ -57,11 +58,14 @@ def plausible(
         row = own.get(name, {})
         stated = row.get("uncertainty") or {}
         sd = stated.get("combined") or row.get("standard_error")
+        boxed = local.linear is None and row.get("at_bound") is None and row.get("status") != NOT_VISITED
+        if boxed and not stated.get("combined"):  # tables: what the data leave open is drawn with the box as prior
+            sd = min(sd or np.inf, float(local.standard_error[i]))
         low[i] = c.lower if row.get("low") is None else row["low"]
         high[i] = c.upper if row.get("high") is None else row["high"]
         scatter = row.get("scatter")
         bent = log[i] and sd is not None and sd > WIDE * abs(values[i]) and not scatter
-        wide[i] = sd is None or not np.isfinite(sd) or row.get("open") is not None or bent
+        wide[i] = sd is None or not np.isfinite(sd) or (row.get("open") is not None and not boxed) or bent
         error[i] = 0.0 if wide[i] or sd is None else float(sd)
         if scatter and not wide[i]:
             between[i], degrees[i] = scatter["between"], scatter["degrees"]

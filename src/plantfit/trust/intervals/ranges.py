@@ -11,6 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.at_limits import limit_factors
 from plantfit.trust.intervals.covariance import Block, begun, rounding, sandwich
 
 FAR = 1e4  # sizes of a value that nothing moves further than
@@ -121,8 +122,10 @@ def linear_problem(
     inflation = np.maximum(1.0, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
+    least, most = np.minimum(least, 0.0), np.maximum(most, 0.0)
+    threshold = quantile**2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
-        values, size, np.minimum(least, 0.0), np.maximum(most, 0.0), rows, rest, spread, quantile**2 * inflation, quantile, variance,
+        values, size, least, most, rows, rest, spread, threshold, quantile, variance,
         samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)),
     )  # fmt: skip
 

@@ -14,6 +14,8 @@ from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
 from plantfit.trust.validate.residual_tests import white_part
 
+import jax
+
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
 FAR = 10.0  # times a bound: not sampled badly, but in another unit
@@ -139,10 +141,11 @@ def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
     seconds = float(recording.t[min(moves, default=len(recording)) - 1] - recording.t[0])
+    derivative = jax.jit(model.derivative)
     for p, x in _beginnings(problem, model, recording):
         u = _first_inputs(model, recording)
         late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
-        rates = model.derivative(x, u | late, p)
+        rates = derivative(x, u | late, p)
         if any(abs(float(rates[s])) * seconds > STILL * abs(float(x[s])) for s in model.states):
             return False
     return True

@@ -18,7 +18,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from _determined(single, free, _denied(findings))
     yield from _unsound(findings.get("determined"))
     yield from _together(findings.get("determined"))
-    yield from _first_values(findings.get("determined"))
+    yield from _first_values(findings)
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
     needs = (findings.get("determined") or {}).get("only_if", {})
@@ -91,13 +91,17 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     yield say("info", text, combinations=len(own), fixed=found["count"])
 
 
-def _first_values(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
-    """That noise in the first measured values reaches the parameters."""
-    if found and (own := found.get("first_values")):
+def _first_values(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """That noise in the first measured values reaches the parameters, and what to write against it."""
+    if own := (findings.get("determined") or {}).get("first_values"):
+        if own.get("option"):
+            how = f"Write options = {{ {own['option']} }} in [model], and they are parameters"
+            how += ", which several recordings need with per_recording = true." if len(findings.get("recordings", ())) > 1 else "."
+        else:
+            how = "Make the state's initial value a parameter, and it is estimated."
         text = (
             f"The states begin at the first measured values, whose noise makes the interval of {own['parameter']} "
-            f"{number(own['factor'])} times as wide. Estimate the initial values instead: a parameter as the state's initial value in "
-            'equations, initial = "free" in library models that have it.'
+            f"{number(own['factor'])} times as wide. {how}"
         )
         yield say("info", text, factor=own["factor"])
 

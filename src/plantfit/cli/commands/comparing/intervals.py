@@ -25,7 +25,7 @@ def intervals(
     share = fraction("--level", level)
     priors = texts_by_name("--prior", prior)
     if save_draws:
-        from plantfit.trust.intervals.inference_data import need_h5netcdf
+        from plantfit.trust.intervals.kinds.inference_data import need_h5netcdf
 
         need_h5netcdf()
     if save_draws and (Path(save_draws).exists() or not Path(save_draws).absolute().parent.is_dir()):

@@ -104,7 +104,7 @@ def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
 
 def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:
     """One simulation at a cube point (d,), as a plain record."""
-    cost = float(problem.costs(z[None, :])[0])
+    cost = problem.costs(z[None, :]).tolist()[0]
     started = time.perf_counter()
     problem.costs(z[None, :]).tolist()  # waits for the values
     simulator = problem.predictor.simulator

@@ -1,0 +1,231 @@
+"""Programs of jax that outlive the process: a function that was compiled once for these shapes is neither traced nor lowered again.
+
+Tracing a simulated problem takes longer than jax's own start. What is kept is XLA's executable, so that its numbers are the same bits as
+those of the process that made it. A program is found again by a description of all that is compiled into it, made by `described`; where
+there is none (functions of other packages, which may change without a sign) jax compiles as ever.
+"""
+
+import functools
+import hashlib
+import io
+import os
+import pickle
+import re
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import plantfit
+import plantfit.runtime
+from plantfit.folders import code_folder
+from plantfit.native.compile.compilation import read_object, write_object
+from plantfit.native.compile.processor import available, host
+from plantfit.native.primitive import libm_of, register_kept
+
+# isort: split
+import jax
+from jax.core import Tracer
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
+
+MOST_FILES = 2000  # of kept programs; beyond it the half that was not used for longest goes
+LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
+_OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
+_CALLBACK = re.compile(r"@\w*callback")
+_NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
+
+
+class Foreign(Exception):
+    """Something in a description is a function or class that no fingerprint covers."""
+
+
+class _Describer(pickle.Pickler):
+    """Pickles what a function is compiled from; refuses code of other packages."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        module = obj.__module__ if isinstance(obj, type) or callable(obj) else type(obj).__module__
+        if (module or "").partition(".")[0] not in _OURS:
+            raise Foreign(module)
+        return NotImplemented
+
+
+def described(thing: Any) -> bytes | None:
+    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none."""
+    file = io.BytesIO()
+    try:
+        _Describer(file, protocol=5).dump(thing)
+    except Exception:  # whatever a pickle of the user's objects raises: it is compiled anew
+        return None
+    content = file.getvalue()
+    if len(content) > LARGEST:
+        return None
+    return hashlib.sha256(_machine() + _sources() + content).digest()
+
+
+def _named(function: Callable, name: str) -> Callable:
+    """The function under a name of its own, so that XLA's cache holds none of its programs but those that are kept here too."""
+
+    def kept(*args: Any) -> Any:
+        return function(*args)
+
+    kept.__name__ = f"kept_{name.replace(' ', '_')}"
+    return kept
+
+
+@cache
+def _sources() -> bytes:
+    """The text of plantfit, by size and time of every file."""
+    root = Path(plantfit.__file__).parent
+    return repr(sorted((str(f.relative_to(root)), s.st_size, s.st_mtime_ns) for f in root.rglob("*.py") for s in [f.stat()])).encode()
+
+
+@cache
+def _machine() -> bytes:
+    """What XLA's executables depend on beside their text: versions, processor and flags."""
+    own = host() if available() else None
+    return repr((sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")))).encode()
+
+
+class Kept:
+    """`jax.jit(function)` whose programs are kept on disk. `description()` is the digest of all that the function closes over, or None."""
+
+    def __init__(self, function: Callable, name: str, description: Callable[[], bytes | None]):
+        functools.update_wrapper(self, function, assigned=("__name__", "__doc__"), updated=())
+        self.name, self.description, self._plain = name, description, jax.jit(_named(function, name))
+        self._programs: dict[Any, Callable] = {}
+        self._lately: tuple[Any, dict[Any, Callable]] = None, {}
+
+    def __call__(self, *args: Any) -> Any:
+        # a search asks thousands of times with the same numbers: only the shape of z is looked at then
+        lately, programs = self._lately
+        if lately is not None and len(args) == 2 and args[1] is lately:
+            program = programs.get(_brief(args[0]))
+            if program is not None:
+                return program(*args)
+        leaves, tree = jax.tree.flatten(args)
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._plain(*args)
+        shapes = tree, tuple([_kind(leaf) for leaf in leaves])
+        program = self._programs.get(shapes)
+        if program is None:
+            program = self._programs[shapes] = self._found_or_made(shapes, args)
+        if len(args) == 2 and isinstance(args[1], tuple) and hasattr(args[0], "shape"):  # a mapping could be given again with other entries
+            self._lately = args[1], {**(programs if args[1] is lately else {}), _brief(args[0]): program}
+        return program(*args)
+
+    def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
+        """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot be kept."""
+        folder = code_folder("programs") if _usual() and None not in shapes[1] else None
+        if folder is None or (description := self.description()) is None:
+            return self._plain
+        key = hashlib.sha256(repr((self.name, shapes)).encode() + description).hexdigest()
+        return _read(folder, key, args) or _made(folder, key, self._plain, args)
+
+
+def _brief(z: Any) -> Any:
+    """The same of one array; a tracer has a type of its own."""
+    return type(z), getattr(z, "shape", None), getattr(z, "dtype", None), getattr(z, "weak_type", False)
+
+
+def _kind(leaf: Any) -> Any:
+    """What a program is compiled for; None for what jax itself has to judge."""
+    if isinstance(leaf, bool | int | float):
+        return type(leaf).__name__
+    return (leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)) if hasattr(leaf, "dtype") else None
+
+
+def _usual() -> bool:
+    """Whether jax is set as plantfit sets it, on one CPU device."""
+    values = jax.config.values
+    odd = values["jax_disable_jit"] or values["jax_debug_nans"] or values["jax_debug_infs"] or not values["jax_enable_x64"]
+    return not odd and jax.default_backend() == "cpu" and len(jax.devices()) == 1
+
+
+class _Kept(NamedTuple):
+    """What is on disk under the key of a function: the key of its executable, its native loops, and the structure of its results."""
+
+    executable: str
+    natives: tuple[tuple[str, tuple[str, ...]], ...]  # FFI targets, and what they call of the C library
+    results: Any
+
+
+def _read(folder: Path, key: str, args: tuple[Any, ...]) -> Callable | None:
+    """The program under a key, called once with these arguments; None without one, or where it does not run here."""
+    content = read_object(folder / key, key)
+    if content is None:
+        return None
+    try:
+        return _loaded(folder, _Kept(*pickle.loads(content)), args)
+    except Exception:  # made by another jaxlib, or its executable is gone: it is made anew
+        return None
+
+
+def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None:
+    executable = read_object(folder / kept.executable, kept.executable)
+    # whoever kept it with native loops had asked this jaxlib for its interface (`compile.interface`)
+    if executable is None or not all(register_kept(name, libm) for name, libm in kept.natives):
+        return None
+    program = deserialize_and_load(executable, jax.tree.structure((args, {})), jax.tree.structure(kept.results))
+    jax.block_until_ready(program(*args))
+    return program
+
+
+def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
+    """The program for these arguments, traced now; compiled and put into the folder where no other function has become the same program."""
+    lowered = jitted.lower(*args)
+    text = lowered.as_text()
+    natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
+    results = jax.tree.map(lambda _: 0, lowered.out_info)
+    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, results)
+    program = None
+    with suppress(Exception):  # as in `_read`
+        program = _loaded(folder, kept, args)
+    if program is None:
+        before = _seen.hits
+        program = lowered.compile()
+        # XLA does not write down a program that it has read itself, nor one that calls back into this process
+        if _seen.hits > before or _CALLBACK.search(text):
+            return program
+        try:
+            executable, _, _ = serialize(program)
+        except Exception:  # what jax cannot write down works all the same
+            return program
+        _make_room(folder)
+        write_object(folder / kept.executable, kept.executable, executable)
+    with suppress(Exception):  # results of other classes than tuples, lists and dictionaries
+        write_object(folder / key, key, pickle.dumps(tuple(kept)))
+    return program
+
+
+class _Seen(threading.local):
+    """How many programs this thread has read from XLA's cache."""
+
+    hits = 0
+
+
+def _count(event: str, **_: Any) -> None:
+    if event == "/jax/compilation_cache/cache_hits":
+        _seen.hits += 1
+
+
+_seen = _Seen()
+jax.monitoring.register_event_listener(_count)
+
+
+@cache
+def _make_room(folder: Path) -> None:
+    """Once in a process: the older half goes where there are too many."""
+    with _LOCK:
+        try:
+            files = sorted((f.stat().st_mtime, f) for f in folder.iterdir())
+            for _, f in files[: len(files) // 2] if len(files) > MOST_FILES else []:
+                f.unlink(missing_ok=True)
+        except OSError:
+            return
+
+
+_LOCK = threading.Lock()

@@ -1,0 +1,192 @@
+"""Programs that outlive the process: found again without tracing, with the same bits; never where something else is compiled in."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plantfit.models import equations
+from plantfit.native import kept_programs
+from plantfit.native.kept_programs import Kept, described
+from plantfit.problem.evaluate import points
+from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording, Signal
+
+import jax
+import jax.numpy as jnp
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Where programs are kept during a test."""
+    monkeypatch.setattr(kept_programs, "code_folder", lambda kind: tmp_path)
+    return tmp_path
+
+
+class Counted:
+    """A function of (z, numbers) that counts how often it is traced."""
+
+    def __init__(self, factor=2.0):
+        self.factor, self.traced = factor, 0
+
+    def __call__(self, z, numbers):
+        self.traced += 1
+        return jnp.sin(self.factor * z) @ numbers[0], {"square": z**2}
+
+
+OWN = os.urandom(8).hex()  # XLA's cache holds programs of earlier tests, which are not written down again
+
+
+def kept(function, name="f", thing=("f", 2.0)):
+    test = hashlib.sha256(os.environ["PYTEST_CURRENT_TEST"].encode()).hexdigest()[:8]
+    return Kept(function, f"{name} {OWN} {test}", lambda: described(thing))
+
+
+def problem(equation="x' = (K*u - x)/tau\ny = x", bounds=(0.1, 5.0), samples=40):
+    t = np.linspace(0.0, 8.0, samples)
+    recording = Recording(t, {"u": Signal((t > 1.0) * 1.0), "y": Signal(np.sin(t))})
+    model = equations(
+        equation,
+        inputs=["u"],
+        states={"x": {"initial": 0.0}},
+        outputs=["y"],
+        parameters={"K": {"bounds": bounds}, "tau": {"bounds": (0.2, 3.0)}},
+    )
+    return Problem(model, recording, substeps=2)
+
+
+def test_found_again_without_tracing_with_the_same_bits(folder):
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    first, second = Counted(), Counted()
+    made = kept(first)(z, numbers)
+    read = kept(second)
+    found = read(z, numbers)
+    assert (first.traced, second.traced) == (1, 0)
+    assert made[0].tobytes() == found[0].tobytes()
+    assert made[1]["square"].tobytes() == found[1]["square"].tobytes()
+    read(z, numbers)
+    read(np.array([0.1, 0.2]), numbers)
+    assert second.traced == 0
+    assert float(found[0]) == float(jax.jit(Counted())(z, numbers)[0])
+
+
+def test_other_shapes_names_and_descriptions_are_other_programs(folder):
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    kept(Counted())(z, numbers)
+    longer, named, other = Counted(), Counted(), Counted(factor=3.0)
+    assert kept(longer)(np.ones(3), (np.ones(3),))[1]["square"].shape == (3,)
+    kept(named, name="g")(z, numbers)
+    found = kept(other, thing=("f", 3.0))(z, numbers)
+    assert longer.traced == named.traced == other.traced == 1
+    assert float(found[0]) == pytest.approx(np.sin(3.0 * z) @ numbers[0], rel=1e-14)
+
+
+def test_functions_that_trace_through_it_and_derive_it_see_the_function_itself(folder):
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    function = kept(Counted())
+    function(z, numbers)
+    assert float(jax.jit(lambda z: function(z, numbers)[0])(z)) == pytest.approx(float(function(z, numbers)[0]), rel=1e-15)
+    slope = jax.grad(lambda z: function(z, numbers)[0])(z)
+    assert np.allclose(slope, 2.0 * np.cos(2.0 * z) * numbers[0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("broken", [b"", b"not a program", None])
+def test_a_broken_file_is_made_anew(folder, broken):
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    made = kept(Counted())(z, numbers)
+    files = sorted(folder.iterdir())
+    assert len(files) == 2
+    for file in files:
+        file.write_bytes(file.read_bytes()[:-7] if broken is None else broken)
+    again = Counted()
+    assert kept(again)(z, numbers)[0].tobytes() == made[0].tobytes()
+    assert again.traced == 1
+
+
+def test_a_program_that_calls_back_into_the_process_is_not_kept(folder):
+    def function(z, numbers):
+        return jax.pure_callback(lambda v: np.asarray(v) * 2.0, jax.ShapeDtypeStruct(z.shape, z.dtype), z)
+
+    assert np.array_equal(kept(function)(np.ones(2), (np.ones(1),)), [2.0, 2.0])
+    assert not list(folder.iterdir())
+
+
+def local(x):
+    return x
+
+
+def test_functions_of_other_packages_have_no_description():
+    assert described({"model": local}) is None
+    assert described({"model": lambda x: x}) is None
+    assert described({"model": os.path.join}) is None
+    assert described({"numbers": np.arange(3.0), "name": "x", "function": equations}) is not None
+
+
+def test_all_that_is_compiled_in_is_in_the_description_of_a_problem():
+    own = [
+        problem(),
+        problem("x' = (K*u - x)/tau\ny = 2*x"),
+        problem(bounds=(0.1, 4.0)),
+        problem(samples=41),
+        problem().with_simulator(problem().predictor.stepping().refined(2)),
+        problem().with_scales({"y": 3.0}),
+    ]
+    found = [p._description for p in own]
+    assert None not in found
+    assert len(set(found)) == len(found)
+    assert problem()._description == found[0]
+
+
+def test_a_problem_gives_the_same_bits_from_disk(folder):
+    z = np.array([0.4, 0.6])
+    equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
+    made = problem(equation)
+    numbers = [np.asarray(made.costs(z[None, :])), *points.residuals_and_jacobian(made, z), points.residuals_alone(made, z)]
+    assert len(list(folder.iterdir())) == 6
+    read = problem(equation)
+    for name in ("costs", "residuals_and_jacobian", "residuals"):
+        # whoever traced would meet this
+        read.compiled[name]._plain = None
+    points.several(read.compiled["residuals"])._plain = points.several(read.compiled["residuals_and_jacobian"])._plain = None
+    again = [np.asarray(read.costs(z[None, :])), *points.residuals_and_jacobian(read, z), points.residuals_alone(read, z)]
+    assert [a.tobytes() for a in again] == [a.tobytes() for a in numbers]
+    plain = jax.jit(read.evaluator.residuals)(z, read.arguments)
+    assert np.array_equal(numbers[-1], plain)
+
+
+def test_a_second_process_reads_what_the_first_one_kept(tmp_path):
+    text = """
+import sys, numpy as np
+from pathlib import Path
+sys.path.insert(0, str(Path(sys.argv[1])))
+from test_kept_programs import problem
+from plantfit.native import kept_programs
+made = []
+kept_programs._made, before = lambda *a: made.append(a) or before(*a), kept_programs._made
+p = problem()
+z = np.array([0.4, 0.6])
+print(len(made), np.asarray(p.costs(z[None, :])).tobytes().hex(), len(made))
+"""
+    environment = {**os.environ, "PLANTFIT_CACHE": str(tmp_path / "cache")}
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", text, str(Path(__file__).parent)], env=environment, capture_output=True, text=True, check=True
+        )
+        for _ in range(2)
+    ]
+    (none, bits, traced), (_, again, of_second) = (t.stdout.split() for t in told)
+    assert (none, traced, of_second) == ("0", "1", "0")
+    assert bits == again
+
+
+def test_old_programs_make_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_programs, "MOST_FILES", 4)
+    for k in range(6):
+        (tmp_path / f"{k}").write_bytes(b"x")
+        os.utime(tmp_path / f"{k}", (k, k))
+    kept_programs._make_room(tmp_path)
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["3", "4", "5"]

@@ -1,0 +1,89 @@
+"""Optima that noise cannot tell apart: ranges hold all of them, however high the cost is between."""
+
+import numpy as np
+
+import plantfit as pf
+from plantfit import Problem, Recording, Signal, equations
+from plantfit.trust.finish.descent import descent
+from plantfit.trust.intervals.following import followed_ranges
+from plantfit.trust.intervals.linearised import linearise
+
+X = np.linspace(0.1, 2.0, 150)
+
+
+def bowl(hint: float, seed: int = 3) -> Problem:
+    """y = a^2 x + hint a x^2 + c with a = 1.2: the sign of a shows in the hint alone."""
+    model = equations(
+        f"y = a^2*x + {hint}*a*x^2 + c",
+        inputs=["x"],
+        outputs=["y"],
+        parameters={"a": {"bounds": (-4.0, 4.0)}, "c": {"bounds": (-2.0, 2.0)}},
+    )
+    y = 1.44 * X + hint * 1.2 * X**2 + 0.5 + 0.05 * np.random.default_rng(seed).normal(size=len(X))
+    return Problem(model, Recording(np.arange(150.0), {"x": Signal(X), "y": Signal(y)}))
+
+
+def ends(problem):
+    """Where searches from both signs end, the lower first."""
+    starts = (np.array([0.75, 0.5]), np.array([0.25, 0.5]))
+    return [d.z for d in sorted((descent(problem, z) for z in starts), key=lambda d: d.cost)]
+
+
+def low_of(problem, others):
+    z, other = ends(problem)
+    local = linearise(problem, z)
+    assert local.linear is not None
+    found = followed_ranges(problem, z, local.linear, 0.0, [other] if others else [])[0]
+    return found.low, found.high
+
+
+def test_another_optimum_within_the_noise_belongs_to_the_range():
+    problem = bowl(1e-3)
+    best, other = (float(problem.costs(z[None])[0]) for z in ends(problem))
+    assert best < other * (1 - 1e-6)  # two costs, which no tie joins
+    low, high = low_of(problem, False)
+    assert high - low < 0.1
+    low, high = low_of(problem, True)
+    assert -1.3 < low < -1.1
+    assert 1.1 < high < 1.3
+
+
+def test_one_that_the_data_rule_out_does_not():
+    problem = bowl(0.1)
+    assert low_of(problem, True) == low_of(problem, False)
+
+
+def test_a_fit_tells_both_signs():
+    rows = {p["name"]: p for p in pf.fit(bowl(1e-3), seed=1).findings["parameters"]}
+    assert rows["a"]["status"] != "determined"
+    assert rows["a"]["low"] < -1.1 < 1.1 < rows["a"]["high"]
+    assert rows["c"]["status"] == "determined"
+    told = {p["name"]: p for p in pf.fit(bowl(0.1), seed=1).findings["parameters"]}["a"]
+    assert told["status"] == "determined"
+    assert 1.15 < told["low"] < 1.2 < told["high"] < 1.25
+
+
+def test_one_model_written_twice_opens_nothing():
+    """Two exchanged terms, alone and beside a parameter that nothing shows: both are told by the answer's own names."""
+    for extra in ("", " + 0*d*x"):
+        model = equations(
+            f"y = exp(-p*x) + exp(-q*x) + 0.05*(p + q)*x{extra}",
+            inputs=["x"],
+            outputs=["y"],
+            parameters={n: {"bounds": (0.05, 8.0)} for n in ("p", "q", *("d" if extra else ()))},
+        )
+        y = np.exp(-0.3 * X) + np.exp(-3.0 * X) + 0.165 * X + 0.01 * np.random.default_rng(1).normal(size=len(X))
+        problem = Problem(model, Recording(np.arange(150.0), {"x": Signal(X), "y": Signal(y)}))
+        names = problem.space.names
+        z = descent(problem, problem.space.cube(problem.space.vector(dict.fromkeys(names, 2.0) | {"p": 0.5}))).z
+        other = z.copy()
+        other[[names.index("p"), names.index("q")]] = z[[names.index("q"), names.index("p")]]
+        if extra:
+            other[names.index("d")] = 0.9
+        local = linearise(problem, z)
+        assert local.linear is not None
+        ranges = followed_ranges(problem, z, local.linear, 0.0, [other])
+        for name, true in (("p", 0.3), ("q", 3.0)):
+            own = ranges[names.index(name)]
+            assert 0.7 * true < own.low < true * 1.05
+            assert true * 0.95 < own.high < 1.4 * true
