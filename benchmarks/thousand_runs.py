@@ -71,8 +71,8 @@ def main() -> None:
     size = sum(p.stat().st_size for p in folder.glob("torque.db*")) / 1e6
     print(f"{'in all':18}{marks[-1][1] - marks[0][1]:8.1f} s, {len(store.runs(study))} runs, {chosen.workers} workers")
     print(f"store {size:.1f} MB, report {Path(page).stat().st_size / 1e6:.1f} MB: {page}")
-    for s in record["problems"][0]["sentences"]:
-        print(f"- {s['sentence']}")
+    for s in record.problems[0].sentences:
+        print(f"- {s.sentence}")
 
 
 if __name__ == "__main__":

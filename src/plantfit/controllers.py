@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ from plantfit.control.tune.stated import JUDGES, given_draws, toleranced
 from plantfit.control.tune.told import curves, table, verdict
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import ModelError, SimulationError, SpecError
+from plantfit.findings.results.tuned_controller import LoopSignal, PlanOfEverySample, ReducedPlant, TunedController
+from plantfit.findings.verdict import Sentence
 from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable
 from plantfit.spec.wished import table_in, wished
@@ -43,7 +46,7 @@ class Controller:
     """A tuned controller: `parameters` of it (`Gains` of a PID, `Servo` of an LQI, `Predictive` of an MPC), `design` with all that it was
     judged by, `proposed` what was not asked for and where it is from.
 
-    `record` is plain data for JSON; `verdict` its sentences.
+    `typed` has all figures as attributes, `record` the same as JSON types (docs: reference/results.md); `verdict` its sentences.
     """
 
     answer: Answer
@@ -67,56 +70,66 @@ class Controller:
     @property
     def verdict(self) -> list[dict[str, str]]:
         """Sentences with a level, good, info, warning or bad."""
+        return [{"level": s.level, "sentence": s.sentence} for s in self.typed.verdict]
+
+    def _sentences(self) -> list[Sentence]:
         n = self.design.family.count
         free = {name: self.drawn.values[-n:, i] for i, name in enumerate(self.drawn.names)} if len(self.drawn.values) >= n else {}
         told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n}, self.how)
         if self.drawn.open:
             more = f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
-            told.append({"level": "warning", "sentence": f"{more}: the plants spread over the whole range that the data allow."})
+            told.append(Sentence(level="warning", sentence=f"{more}: the plants spread over the whole range that the data allow."))
         if self.drawn.scatters:
             more = f"Recordings scatter in {', '.join(self.drawn.scatters)}: plants are those of another recording, within 95 % of each."
-            told.append({"level": "info", "sentence": more})
+            told.append(Sentence(level="info", sentence=more))
         return told
 
     @property
     def record(self) -> dict[str, Any]:
-        """Everything but the curves, JSON types only (docs/tuning-controllers.md)."""
-        d, model = self.design, self.design.family.model
-        wishes = {k: v for k, v in d.wishes.__dict__.items()}
-        _, lag, dead = d.reduced.first_order
-        return {
-            "name": self.answer.problem.name,
-            "form": d.best.form.name,
-            "units": gain_units(model.outputs[self.output], model.inputs[self.input]),
-            "output": {"name": self.output, "unit": model.outputs[self.output]},
-            "input": {"name": self.input, "unit": model.inputs[self.input]},
-            "others": dict(d.family.others),
-            "wishes": wishes,
-            "proposed": dict(self.proposed),
-            "plants": d.family.count,
-            "plants_are": self.how,
-            "not_determined": list(self.drawn.open),
-            "reduced": {
-                "how": d.reduced.how, "gain": d.reduced.first_order[0], "lag": lag, "dead_time": dead, "integrating": d.reduced.integrating,
-                "second_order": list(d.reduced.second_order),
-            },
-            "plan": self._plan(),
-            "held": d.held,
-            "promised": d.promised,
-            "controllers": table(d),
-            "verdict": self.verdict,
-        }  # fmt: skip
+        """All figures as JSON types, but for what is infinite."""
+        return self.typed.plain()
 
-    def _plan(self) -> dict[str, Any] | None:
+    @cached_property
+    def typed(self) -> TunedController:
+        """Everything but the curves."""
+        d, model = self.design, self.design.family.model
+        gain, lag, dead = d.reduced.first_order
+        return TunedController(
+            name=self.answer.problem.name,
+            form=d.best.form.name,
+            units=gain_units(model.outputs[self.output], model.inputs[self.input]),
+            output=LoopSignal(name=self.output, unit=model.outputs[self.output]),
+            input=LoopSignal(name=self.input, unit=model.inputs[self.input]),
+            others=dict(d.family.others),
+            wishes=d.wishes,
+            proposed=dict(self.proposed),
+            plants=d.family.count,
+            plants_are=self.how,
+            not_determined=list(self.drawn.open),
+            reduced=ReducedPlant(
+                how=d.reduced.how, gain=gain, lag=lag, dead_time=dead, integrating=d.reduced.integrating,
+                second_order=list(d.reduced.second_order),
+            ),
+            plan=self._plan(),
+            held=d.held,
+            promised=d.promised,
+            controllers=table(d),
+            verdict=self._sentences(),
+        )  # fmt: skip
+
+    def _plan(self) -> PlanOfEverySample | None:
         """What an MPC does every sample; None for another form."""
         best, plan = self.design.best, self.design.best.form.plan
         if plan is None:
             return None
-        dead = plan.plant.ahead * plan.plant.period
-        return {
-            "seconds": plan.seconds, "dead_time": dead, "moves": plan.lengths.tolist(), "rows": len(best.parameters.plan.low),
-            "steps": STEPS, "multiplications": multiplications(best.parameters),
-        }  # fmt: skip
+        return PlanOfEverySample(
+            seconds=plan.seconds,
+            dead_time=plan.plant.ahead * plan.plant.period,
+            moves=plan.lengths.tolist(),
+            rows=len(best.parameters.plan.low),
+            steps=STEPS,
+            multiplications=multiplications(best.parameters),
+        )
 
     @property
     def curves(self) -> dict[str, Any]:
@@ -145,7 +158,7 @@ class Controller:
     def __repr__(self) -> str:
         from plantfit.report.pages.controller import settings
 
-        head = f"{self.design.best.form.name} of {self.output} by {self.input}: {settings(self.record)}"
+        head = f"{self.design.best.form.name} of {self.output} by {self.input}: {settings(self.typed)}"
         return "\n".join([head, *(f"  {v['level']}: {v['sentence']}" for v in self.verdict)])
 
 

@@ -64,7 +64,7 @@ def test_the_newest_study_in_words_page_and_tables(store, capsys, monkeypatch, t
 def test_json_is_one_value_without_curves(store, capsys, monkeypatch):
     add_study(store, ("random", "pso"), extra={"noise_floor": 0.015})
     said = call(capsys, monkeypatch, "compare", "1", "--json", "--out", "c.html")
-    record = json.loads(said.out)
+    record = said.record("compare --methods")
     assert record["written"] == {"report": "c.html"}
     problem = record["problems"][0]
     assert problem["floor"] == 0.015

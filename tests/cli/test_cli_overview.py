@@ -18,7 +18,7 @@ def test_each_has_one_line_that_is_not_cut():
     lines = done.output.splitlines()
     assert "..." not in "".join(lines[1:])
     for rows in SECTIONS.values():
-        for name, said in rows.items():
+        for name, (_, said) in rows.items():
             (line,) = [k for k in lines if k.split()[:1] == [name]]
             assert line.endswith(said)
             assert len(line) <= 80

@@ -201,7 +201,7 @@ def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_pla
     d, w = found.design, found.design.wishes
     assert found.design.best.share >= 0.9
     assert "plants within the stated tolerances, " in found.verdict[0]["sentence"]
-    page = write_controller_page(found.record, found.curves, tmp_path / "page.html").read_text("utf-8")
+    page = write_controller_page(found.typed, found.curves, tmp_path / "page.html").read_text("utf-8")
     assert "LQI on plants within the stated tolerances" in page
     assert "A PID tuned on the same plants: " in page
     assert found.to_c(tmp_path).source.name == "heater_lqi.c"

@@ -21,6 +21,7 @@ from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.told import table, verdict
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.errors import SimulationError
+from plantfit.findings.results.tuned_controller import PidLoop, ServoLoop
 from plantfit.models.text.equations import equations
 
 import jax
@@ -180,13 +181,14 @@ def test_it_is_searched_and_judged_as_a_pid_is_and_stands_beside_one(design):
     assert [r.form.name for r in design.rows[:4]] == ["LQI", "LQI", "PID", "PID"]
     assert design.best.share >= 0.9
     assert design.best.share > design.rows[1].share + 0.1
-    told = [v["sentence"] for v in verdict(design, {})]
+    told = [v.sentence for v in verdict(design, {})]
     assert f"{100 * design.best.share:.0f} % overshoot under 10 % with Ms under 1.6; tuned on the best fit alone: " in told[0]
     assert any(sentence.startswith("A PID tuned on the same plants: ") for sentence in told)
     first, pid = table(design)[0], table(design)[2]
-    assert "Kp" not in first
-    assert len(first["K"]) == 2
-    assert pid["Kp"] > 0
+    assert isinstance(first, ServoLoop)
+    assert len(first.K) == 2
+    assert isinstance(pid, PidLoop)
+    assert pid.Kp > 0
     with pytest.raises(SimulationError, match="has no Kp, Ki and Kd"):
         design.best.gains  # noqa: B018
 

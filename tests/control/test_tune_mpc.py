@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +21,12 @@ from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.forms import lqi_form, mpc_form
 from plantfit.control.tune.loop_scores import Judge, StepAndLoad, slewed
 from plantfit.control.tune.reduction import reduced
-from plantfit.control.tune.told import _settings, table, verdict
+from plantfit.control.tune.told import settings, table, verdict
 from plantfit.control.tune.weights.plan_weights import SOFTNESS, PlanShape
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import check_wishes
 from plantfit.errors import SimulationError
+from plantfit.findings.results.tuned_controller import LoopFigures, PredictiveLoop
 from plantfit.models.text.equations import equations
 from plantfit.rig.offered.tuned import read_tuned
 
@@ -162,7 +164,14 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
     given = shape.predictive(*WEIGHTS)
     wishes = plain(replace(MPC, **limits).__dict__)
     signals = {"output": {"name": "z", "unit": None}, "input": {"name": "u", "unit": None}}
-    record = plain({"controllers": [_settings(given)], "wishes": wishes, "plan": {"moves": shape.lengths}, **signals})
+    figures: Any = {
+        **dict.fromkeys(LoopFigures.model_fields, 0.5),
+        "stable": True,
+        "worst": {},
+    }  # its share of plants is not the servo's share
+    row = PredictiveLoop(name="all plants", source="", form="MPC", **settings(given), **figures).plain()
+    assert row["share"] == 0.5  # of plants, which is not the servo's share
+    record = plain({"controllers": [row], "wishes": wishes, "plan": {"moves": shape.lengths}, **signals})
     (tmp_path / "x-tune.json").write_text(json.dumps(record, allow_nan=False))
     tuned = read_tuned(tmp_path / "x-tune.json")
     assert tuned.form == "MPC"
@@ -172,6 +181,10 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
     for k in range(8):
         state, command = update(state, 5.0 + 0.1 * np.sin(k), 5.2, (given, 0.0))
         assert running.update(5.0 + 0.1 * np.sin(k), 5.2) == pytest.approx(float(command), rel=1e-12)
+    del record["controllers"][0]["set_point_share"]  # as older files are, in which the share of the plants stood in its place
+    (tmp_path / "x-tune.json").write_text(json.dumps(record, allow_nan=False))
+    with pytest.raises(SimulationError, match=r"x-tune\.json was written before plantfit kept how fast the set point"):
+        read_tuned(tmp_path / "x-tune.json")
 
 
 def scores(plant, wishes, weights, lags=None):
@@ -268,8 +281,9 @@ def test_it_is_searched_and_judged_beside_lqi_pid_and_rules():
     found = tuned_loop(family(20, 1), family(60, 2), wishes, budget=60, seed=3)
     assert [r.form.name for r in found.rows[:4]] == ["MPC", "MPC", "LQI", "PID"]
     assert found.best.share >= found.rows[2].share - 0.02
-    told = [v["sentence"] for v in verdict(found, {})]
+    told = [v.sentence for v in verdict(found, {})]
     assert any("of the plants keep the output within" in sentence for sentence in told)
     assert any(sentence.startswith("An LQI tuned on the same plants: ") for sentence in told)
     first = table(found)[0]
-    assert len(first["free"]) == len(first["low"])
+    assert isinstance(first, PredictiveLoop)
+    assert len(first.free) == len(first.low)

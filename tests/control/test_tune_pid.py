@@ -85,8 +85,8 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
     assert alone.share < design.best.share - 0.1
     assert alone.scores.iae < design.best.scores.iae * 1.3
     told = verdict(design, {n: v for n, v in design.family.plants.items() if np.ptp(v)})
-    assert told[0]["level"] == "good"
-    assert f"{100 * design.best.share:.0f} % overshoot under 10 % with Ms under 1.6; tuned on the best fit alone: " in told[0]["sentence"]
+    assert told[0].level == "good"
+    assert f"{100 * design.best.share:.0f} % overshoot under 10 % with Ms under 1.6; tuned on the best fit alone: " in told[0].sentence
 
 
 def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
@@ -122,7 +122,7 @@ def test_data_that_are_too_poor_are_told_with_the_parameter_to_blame():
     loop = OneLoop(LAG, "z", "u", {}, plants)
     # within the 30 s of the step no loop comes to rest behind a dead time of 20 s with so little sensitivity
     found = tuned_loop(loop, loop, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, share=0.99, horizon=60.0, ms=1.2), budget=40)
-    told = " ".join(v["sentence"] for v in verdict(found, {"L": wide, "K": plants["K"]}))
+    told = " ".join(v.sentence for v in verdict(found, {"L": wide, "K": plants["K"]}))
     assert not found.promised
     assert "99 % were asked for" in told
     assert "measure this first" in told
@@ -137,8 +137,8 @@ def test_plants_of_the_other_sign_are_counted_and_told(design):
     assert sign == 1
     np.testing.assert_array_equal(wrong, [False, True, False, False])
     sentence = "25 % of the plants have a gain of the other sign, which no controller of one sign can hold."
-    assert sentence in [v["sentence"] for v in verdict(replace(design, right_sign=0.75), {})]
-    assert sentence not in [v["sentence"] for v in verdict(design, {})]
+    assert sentence in [v.sentence for v in verdict(replace(design, right_sign=0.75), {})]
+    assert sentence not in [v.sentence for v in verdict(design, {})]
 
 
 def test_an_integrating_plant_is_tuned():

@@ -11,6 +11,7 @@ from findings_example import example
 
 from plantfit.errors import StoreError
 from plantfit.findings import read_findings
+from plantfit.findings.results.methods_compared import ComparisonOfMethods
 from plantfit.report import render_comparison, render_html, write_comparison
 from plantfit.report.drawings import Drawings
 from plantfit.report.sections.comparison import of_findings
@@ -67,7 +68,7 @@ def test_axes_say_what_they_show(page):
 
 
 def test_nothing_is_loaded_and_names_are_text(record):
-    evil = json.loads(json.dumps(record).replace('"late"', json.dumps(EVIL)))
+    evil = ComparisonOfMethods(**json.loads(json.dumps(record.plain()).replace('"late"', json.dumps(EVIL))))
     text = render_comparison(evil)
     assert "<script>alert" not in text
     assert text.count("<script") == render_comparison(record).count("<script")
@@ -115,12 +116,12 @@ def test_missing_folder(record, tmp_path):
 
 def test_csv_holds_every_digit(record):
     rows = list(csv.DictReader(io.StringIO(csv_table(record))))
-    late = record["problems"][0]["methods"][1]
+    late = record.problems[0].methods[1]
     assert [r["method"] for r in rows] == ["early", "late"]
     columns = {"best": "minimum", "worst": "maximum", "mean": "mean", "median": "median", "std": "std", "SEM": "sem"}
-    assert {name: float(rows[1][name]) for name in columns} == {name: late["cost"][key] for name, key in columns.items()}
-    assert float(rows[1]["95 % CI high"]) == late["cost"]["normal_interval"][1]
-    assert (float(rows[1]["evaluations"]), float(rows[1]["seconds"])) == (2000.0, late["seconds"]["mean"])
+    assert {name: float(rows[1][name]) for name in columns} == {name: getattr(late.cost, key) for name, key in columns.items()}
+    assert float(rows[1]["95 % CI high"]) == late.cost.normal_interval[1]
+    assert (float(rows[1]["evaluations"]), float(rows[1]["seconds"])) == (2000.0, late.seconds.mean)
 
 
 def test_latex_is_booktabs_with_the_lowest_in_bold(record):
@@ -130,7 +131,7 @@ def test_latex_is_booktabs_with_the_lowest_in_bold(record):
     assert {line.count("&") for line in rows} == {10}
     assert r"\mathbf" in rows[2]
     assert r"\mathbf" not in rows[1]
-    renamed = json.loads(json.dumps(record).replace('"late"', '"salp_swarm & 50 %"'))
+    renamed = ComparisonOfMethods(**json.loads(json.dumps(record.plain()).replace('"late"', '"salp_swarm & 50 %"')))
     assert r"salp\_swarm \& 50 \%" in latex_table(renamed)
     one = compared([ProblemRuns("x", (made_run("a", 0, [5], [2.5e-9]),))])
     assert r"$2.5 \times 10^{-9}$" in latex_table(one)

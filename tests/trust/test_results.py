@@ -67,5 +67,5 @@ def test_a_maker_is_told_of_a_key_and_a_value_that_the_record_does_not_know():
 
 
 def test_a_command_without_a_schema_is_named():
-    with pytest.raises(SpecError, match="There is no schema of 'comparing'; there are compare, compare-records"):
+    with pytest.raises(SpecError, match="There is no schema of 'comparing'; there are compare, compare --methods, compare-records"):
         result_schema("comparing")

@@ -1,1 +1,1 @@
-"""The commands; `main.py` declares them."""
+"""The commands: `options/` says what each takes, `commands/` does the work, `main.py` is where the program begins."""

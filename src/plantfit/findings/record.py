@@ -9,7 +9,7 @@ from textwrap import dedent
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, GetJsonSchemaHandler, ValidationInfo, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema, model_validator
 
 
 def _finite(value: Any) -> Any:
@@ -18,6 +18,16 @@ def _finite(value: Any) -> Any:
 
 Number = Annotated[float | None, BeforeValidator(_finite)]
 """A number, or None for what is not known and not finite."""
+
+
+def _real(value: Any) -> Any:
+    return float("nan") if value is None else value
+
+
+Real = Annotated[float, BeforeValidator(_real), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "null"}]})]
+"""A number that may be infinite or not a number, which both say something, as the cost of a run that failed; None in `--json`."""
+Exclude = dict[str, Any]
+"""Keys that are left out, True or what is left out below them; `__all__` for all entries of a list."""
 Values = list[float | None]
 """Samples or entries, None where there is none."""
 
@@ -65,7 +75,7 @@ class Record(BaseModel):
 class Printed(Record):
     """The whole record of a command, which `--json` prints."""
 
-    samples_in: ClassVar[tuple[str, ...]] = ()
+    samples_in: ClassVar[Exclude] = {}
     """Fields that `--json` leaves out, because they hold samples."""
 
     def having(self, **more: Any) -> Self:
@@ -74,7 +84,7 @@ class Printed(Record):
 
     def printed(self, **more: Any) -> dict[str, Any]:
         """As JSON types without samples, with what only the command knows."""
-        return {key: value for key, value in self.having(**more).plain().items() if key not in self.samples_in}
+        return self.having(**more).model_dump(by_alias=True, exclude_unset=True, exclude=self.samples_in)
 
 
 def _attribute_docstrings(cls: type) -> dict[str, str]:

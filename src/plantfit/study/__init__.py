@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
+    from plantfit.findings.results.methods_compared import PairInTime, RunsSummary
     from plantfit.study.comparing.basins import Basin, basins
-    from plantfit.study.comparing.pairwise import Comparison, a12, compare, holm
+    from plantfit.study.comparing.pairwise import a12, compare, holm
     from plantfit.study.comparing.statistics import (
-        Summary,
         bootstrap_interval,
         costs_by_method,
         evaluations_to_target,
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Basin",
-    "Comparison",
+    "PairInTime",
     "Plan",
     "RunRecord",
+    "RunsSummary",
     "Store",
     "StudyProgress",
     "StudyRecord",
-    "Summary",
     "Task",
     "a12",
     "basins",
@@ -70,14 +70,14 @@ names_of(
     __name__,
     {
         "comparing.basins": "Basin basins",
-        "comparing.pairwise": "Comparison a12 compare holm",
+        "comparing.pairwise": "PairInTime a12 compare holm",
         "running.helper_processes": "helping",
         "objective": "objective_of",
         "plan": "Plan Task tasks",
         "running.study_progress": "StudyProgress",
         "store.records": "RunRecord StudyRecord",
         "running.runner": "begin resume run",
-        "comparing.statistics": "Summary bootstrap_interval costs_by_method "
+        "comparing.statistics": "RunsSummary bootstrap_interval costs_by_method "
         "evaluations_to_target expected_running_time success_rate summarise t_interval wilson_interval",
         "store.store": "Store",
         "versions": "cpu_model versions",

@@ -76,7 +76,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         story.physics_section(answer, curve, sentences, figures),
         story.controller_section(controller, [code.source, code.header]),
     ]
-    page = write_controller_page(controller.record, controller.curves, file.with_name("gearmotor-tune.html"))
+    page = write_controller_page(controller.typed, controller.curves, file.with_name("gearmotor-tune.html"))
     answers, files = [answer, joint, plain, fuller], [file, both, first, better]
     subtitle = "A real motor: from a first model to a controller"
     return record("gearmotor", "Geared DC motor", figures, sentences, answers, files, sections, subtitle, [page])

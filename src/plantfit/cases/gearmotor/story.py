@@ -132,21 +132,21 @@ def physics_section(physics: Answer, curve: Recording, sentences: Sequence[str],
 
 def controller_section(controller: Controller, files: Sequence[Path]) -> Section:
     """The loop on every plant that the data allow."""
-    record = controller.record
-    best, w = record["controllers"][0], record["wishes"]
-    plants = f"{record['plants']} plants"
+    record = controller.typed
+    best, w = controller.gains, record.wishes
+    plants = f"{record.plants} plants"
     return {
         "title": "5. A controller",
         "command": "plantfit tune gearmotor.toml",
         "sentences": [
-            *(v["sentence"] for v in record["verdict"]),
-            f"Kp {best['Kp']:.3g} V/(deg/s), Ki {best['Ki']:.3g} V/deg, Kd {best['Kd']:.2g} V/(deg/s^2), sampled every {w['period']:.4g} "
-            f"s, between {w['lower']:.3g} and {w['upper']:.3g} V.",
+            *(v.sentence for v in record.verdict),
+            f"Kp {best.Kp:.3g} V/(deg/s), Ki {best.Ki:.3g} V/deg, Kd {best.Kd:.2g} V/(deg/s^2), sampled every {w.period:.4g} "
+            f"s, between {w.lower:.3g} and {w.upper:.3g} V.",
             f"The same as C for the microcontroller: {', '.join(f.name for f in files)}.",
         ],
         "figures": [
             {
-                "figure": loop_figure(controller.curves, w, named(record["output"]), named(record["input"]), plants),
+                "figure": loop_figure(controller.curves, w, named(record.output), named(record.input), plants),
                 "label": f"A step of the set point, then a load: bands over {plants} that the data allow. The loop settles within one "
                 f"step of the sensor ({SENSOR} deg/s).",
             }

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.motor.bench import TRUTH
+from plantfit.findings.results.methods_compared import ProblemComparison
 from plantfit.optimize import RunResult, minimise
 from plantfit.problem import Problem
 from plantfit.problem.measure.experiment import Experiment
@@ -31,7 +31,7 @@ class Methods:
 
     problem: Problem
     results: Mapping[str, list[RunResult]]
-    record: Mapping[str, Any]
+    record: ProblemComparison
     truth: float
     budget: int
 
@@ -60,7 +60,7 @@ def searched(study: Study, runs: int, full: bool, begins: Callable[[str], None] 
         results[label] = minimise(objective, method, runs=runs, budget=plan.budget, seed=plan.seed, settings=settings)
     runs_of = tuple(_as_record(label, r, problem) for label, own in results.items() for r in own)
     budgets = dict.fromkeys(results, float(plan.budget))
-    record = compared([ProblemRuns(study.name, runs_of, problem.space.names, budgets)], seed=plan.seed)["problems"][0]
+    record = compared([ProblemRuns(study.name, runs_of, problem.space.names, budgets)], seed=plan.seed).problems[0]
     return Methods(problem, results, record, cost_at(problem, TRUTH), plan.budget)
 
 

@@ -22,16 +22,16 @@ COLUMNS = ["method", "best", "median", "worst", "evaluations", "seconds a run"]
 def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     """Costs of every method, constants of their best runs, and what both errors are worth there."""
     record, names = found.record, found.problem.space.names
-    methods = record["methods"]
-    rows = [[m["name"], *(f"{m['cost'][k]:.4g}" for k in ("minimum", "median", "maximum")), f"{m['evaluations']['mean']:.0f}",
-             f"{m['seconds']['mean']:.2f}"] for m in methods]  # fmt: skip
+    methods = record.methods
+    rows = [[m.name, *(f"{v:.4g}" for v in (m.cost.minimum, m.cost.median, m.cost.maximum)), f"{m.evaluations.mean:.0f}",
+             f"{m.seconds.mean:.2f}"] for m in methods]  # fmt: skip
     constants = [
         _row("truth of the bench", TRUTH, found),
         *(_row(f"{label}, best run", found.best(label), found) for label in found.results),
     ]
     scales = found.problem.scales
-    counts = {m["name"]: m["runs"] for m in methods}
-    told = [s["sentence"] for k, s in enumerate(record["sentences"]) if k == 0 or s["level"] != "info"]
+    counts = {m.name: m.runs for m in methods}
+    told = [s.sentence for k, s in enumerate(record.sentences) if k == 0 or s.level != "info"]
     return {
         "title": "The paper's objective and the genetic algorithm",
         "sentences": [
@@ -56,8 +56,8 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
             {"figure": _over_time(found), "label": f"e1 and e2 over the first {SHOWN:g} s: best run of the genetic algorithm and truth "
                                                    "(the paper's figures 15 and 16)"},
             {"figure": distribution_figure(methods, {"J at the truth": found.truth}), "label": "J at the end of every run"},
-            {"figure": quartiles_figure(record["convergence"], counts, "evaluations", "evaluations"), "label": "J against evaluations"},
-            {"figure": parallel_figure(record["parallel"], list(found.results)), "label": "Where the runs ended between the bounds"},
+            {"figure": quartiles_figure(record.convergence, counts, "evaluations", "evaluations"), "label": "J against evaluations"},
+            {"figure": parallel_figure(record.parallel, list(found.results)), "label": "Where the runs ended between the bounds"},
         ],
     }  # fmt: skip
 

@@ -1,1 +1,1 @@
-"""One file for each command, or for a few that belong together; `cli/main.py` lists them all."""
+"""The work of each command, one file for each or for a few that belong together; `cli/options/` says what they take."""

@@ -51,8 +51,12 @@ def predict(
         error = y - source[output]
         scores[output] = float(np.sqrt(np.nanmean(error**2)))
     if json:
-        told = {"bands": {"level": share, "held": held, "scatters": scatters}} if held else {}
-        return print_json({"file": str(path), "recording": name, "parameters": named, "rmse": scores, **told})
+        from plantfit.findings.results.predicted import Predicted, PredictedBands
+
+        made = Predicted(file=str(path), recording=name, parameters=named, rmse=dict(scores))
+        return print_json(
+            made.printed(bands=PredictedBands(level=share or 0.0, held=dict(held), scatters=scatters)) if held else made.printed()
+        )
     for output, rmse in scores.items():
         out.print(f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}", markup=False)
     for output, part in held.items():

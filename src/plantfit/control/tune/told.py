@@ -1,4 +1,4 @@
-"""What a controller that was tuned on a family of plants is worth, as sentences and as a plain record."""
+"""What a controller that was tuned on a family of plants is worth, as sentences and as records."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,6 +11,9 @@ from plantfit.control.tune.frequency import frequencies, sampled_response
 from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, Row, article
 from plantfit.control.tune.reduction import slowest
 from plantfit.control.tune.rules import RULES
+from plantfit.findings.record import Level
+from plantfit.findings.results.tuned_controller import Loop, PidLoop, PredictiveLoop, ServoLoop
+from plantfit.findings.verdict import Sentence
 
 FEW = 40  # plants drawn as lines
 POINTS = 400  # of a curve in the record
@@ -18,16 +21,16 @@ SLOWER = 1.5  # times the IAE of the best fit's own tuning: the price of not kno
 CLEAR = 0.3  # share of the variance that a parameter has to explain to be named
 
 
-def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[dict[str, str]]:
+def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[Sentence]:
     """Sentences with a level; `names` are the free parameters (n,) of the family by name."""
     wishes, best, alone = design.wishes, design.best, design.row(BEST_FIT)
     n = design.family.count
     kept = np.asarray(design.judged.kept)
     over, ms = design.judged.scores.overshoot[0] <= wishes.overshoot, design.judged.ms[0] <= wishes.ms
-    told = []
+    told: list[Sentence] = []
 
-    def say(level: str, sentence: str) -> None:
-        told.append({"level": level, "sentence": sentence})
+    def say(level: Level, sentence: str) -> None:
+        told.append(Sentence(level=level, sentence=sentence))
 
     beside = "" if alone is None else f"; tuned on the best fit alone: {_percent(alone.share)}"
     say(
@@ -79,7 +82,7 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     return told
 
 
-def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[str, str]:
+def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Level, str]:
     """How many plants keep the limits of the output."""
     wishes, inside = design.wishes, np.mean(design.judged.scores.outside <= design.wishes.tolerated, axis=1)
     beside = "".join(f"; {r.form.name}: {_percent(float(inside[i]))}" for i, r in others)
@@ -121,29 +124,31 @@ def _first(design: LoopDesign, names: Mapping[str, np.ndarray], failed: np.ndarr
     return f" {_percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit excite), or state it."
 
 
-def table(design: LoopDesign) -> list[dict[str, Any]]:
-    """A plain row for each controller."""
-    return [_plain_row(design, i, r) for i, r in enumerate(design.rows)]
+def table(design: LoopDesign) -> list[Loop]:
+    """A row for each controller."""
+    return [_row(design, i, r) for i, r in enumerate(design.rows)]
 
 
-def _plain_row(design: LoopDesign, i: int, row: Row) -> dict[str, Any]:
-    s, m = row.scores, row.margins
-    return {
-        "name": row.name, "source": row.source, "form": row.form.name, **_settings(row.parameters),
-        "iae": s.iae, "overshoot": s.overshoot, "settling": s.settling, "load_iae": s.load_iae, "load_peak": s.load_peak,
-        "travel": s.travel, "outside": s.outside,
-        "ms": m.ms, "mt": m.mt, "gain_margin": m.gain, "phase_margin": m.phase, "stable": bool(m.stable),
-        "input_noise": float(design.judged.input_noise[i, 0]), "share": row.share, "stable_share": float(np.mean(design.judged.stable[i])),
-        "worst": dict(row.worst),
-    }  # fmt: skip
+def _row(design: LoopDesign, i: int, row: Row) -> Loop:
+    s, m, own = row.scores, row.margins, settings(row.parameters)
+    kind = PidLoop if "Kp" in own else PredictiveLoop if "X" in own else ServoLoop
+    return kind(
+        name=row.name, source=row.source, form=row.form.name, **own,
+        iae=s.iae, overshoot=s.overshoot, settling=s.settling, load_iae=s.load_iae, load_peak=s.load_peak,
+        travel=s.travel, outside=s.outside,
+        ms=float(m.ms), mt=float(m.mt), gain_margin=float(m.gain), phase_margin=float(m.phase), stable=bool(m.stable),
+        input_noise=float(design.judged.input_noise[i, 0]), share=row.share, stable_share=float(np.mean(design.judged.stable[i])),
+        worst=dict(row.worst),
+    )  # fmt: skip
 
 
-def _settings(parameters: Any) -> dict[str, Any]:
+def settings(parameters: Any) -> dict[str, Any]:
     """The gains of a PID in both forms; the arrays of an LQ servo, and of its plan, as lists."""
     if not isinstance(parameters, Gains):
         found: dict[str, Any] = {}
         for name, value in parameters._asdict().items():
-            found |= _settings(value) if hasattr(value, "_asdict") else {name: np.asarray(value).tolist()}
+            own = "set_point_share" if name == "share" else name  # a row has a share of the plants too
+            found |= settings(value) if hasattr(value, "_asdict") else {own: np.asarray(value).tolist()}
         return found
     g, isa = parameters, isa_of(parameters)
     return {

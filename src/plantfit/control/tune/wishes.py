@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from plantfit.errors import SimulationError
+from plantfit.findings.results.tuned_controller import LoopWishes
 
 SETTLED = 0.05  # of the step: a loop that is farther off at the end of it does not hold the set point
 TOLERATED = 0.01  # of the step
@@ -11,37 +12,8 @@ CONTROLLERS = ("pid", "pi", "lqi", "mpc")
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What a loop is asked for, all in the units of the study.
-
-    From rest at `set_point` - `step` to `set_point`, then `load` at the plant's input. `period` (s) of the controller, input limits,
-    `quantum` of the sensor and standard deviation `noise` of the measurement. `overshoot` (%) and `ms` are limits that the `share` of
-    the plants has to keep; `input_noise` is how much of the input's range the noise may move it (standard deviation). `horizon` (s) of
-    step and load.
-
-    `rate` is the fastest change of the input (its unit per s); the output is to stay within `output_lower` and `output_upper` all the
-    time. A plan of an MPC looks `prediction` s ahead.
-    """
-
-    set_point: float
-    step: float
-    load: float
-    period: float
-    lower: float
-    upper: float
-    quantum: float = 0.0
-    noise: float = 0.0
-    overshoot: float = 10.0
-    ms: float = 1.6
-    share: float = 0.95
-    input_noise: float = 0.05
-    controller: str = "pid"
-    horizon: float | None = None
-    anti_windup: str = "clamping"
-    rate: float = math.inf
-    output_lower: float = -math.inf
-    output_upper: float = math.inf
-    prediction: float | None = None
+class Wishes(LoopWishes):
+    """What a loop is asked for, in the units of the study; the fields are those of `LoopWishes`."""
 
     @property
     def settled(self) -> float:

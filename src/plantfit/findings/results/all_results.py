@@ -7,17 +7,23 @@ from plantfit.findings.record import Printed
 from plantfit.findings.results.estimated import EstimatesByMethod
 from plantfit.findings.results.first_look import FirstLook
 from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
+from plantfit.findings.results.methods_compared import ComparisonOfMethods
 from plantfit.findings.results.models_compared import ComparisonOfModels
 from plantfit.findings.results.next_experiment import NextExperiment
+from plantfit.findings.results.predicted import Predicted
 from plantfit.findings.results.records_compared import ComparisonOfRecords
 from plantfit.findings.results.sensitivity import Sensitivities
 from plantfit.findings.results.tracked import Tracked
+from plantfit.findings.results.tuned_controller import TunedController
 
 RESULTS: dict[str, type[Printed]] = {
     "compare": ComparisonOfModels,
+    "compare --methods": ComparisonOfMethods,
     "compare-records": ComparisonOfRecords,
     "intervals": ComparisonOfIntervals,
     "design": NextExperiment,
+    "tune": TunedController,
+    "predict": Predicted,
     "estimate": EstimatesByMethod,
     "track": Tracked,
     "sensitivity": Sensitivities,

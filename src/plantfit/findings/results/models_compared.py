@@ -2,7 +2,7 @@
 
 from typing import ClassVar, Literal
 
-from plantfit.findings.record import Number, Printed, Record, Samples
+from plantfit.findings.record import Exclude, Number, Printed, Record, Samples
 from plantfit.findings.verdict import Sentence
 
 
@@ -88,7 +88,7 @@ class ModelSeries(Record):
 class ComparisonOfModels(Printed):
     """What `pf.compare_models` finds."""
 
-    samples_in: ClassVar[tuple[str, ...]] = ("series",)
+    samples_in: ClassVar[Exclude] = {"series": True}
 
     verdict: list[Sentence] = []
     judged_by: Literal["unseen", "left out"]

@@ -1,6 +1,6 @@
 """What the template shows of the methods on one problem: a part of a comparison, or a section of a study's report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, log
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from plantfit.errors import Status
 from plantfit.findings import Findings, Number, Parameter, Run, SameModel, array
+from plantfit.findings.results.methods_compared import BestRuns, MethodRuns, ProblemComparison, RunsSummary
 from plantfit.report.drawings import Drawings
 from plantfit.report.figures.comparison import answers, costs, curves
 from plantfit.report.sections import comparison_tables as tables
@@ -16,7 +17,11 @@ from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
 from plantfit.study.store.records import RunRecord
 
-MEANS = {"cost": "mean final cost", "evaluations": "mean evaluations", "seconds": "mean time of a run [s]"}
+MEANS: dict[str, Callable[[MethodRuns], RunsSummary]] = {
+    "mean final cost": lambda m: m.cost,
+    "mean evaluations": lambda m: m.evaluations,
+    "mean time of a run [s]": lambda m: m.seconds,
+}
 MEANS_NOTE = (
     "Over the finite final costs of the runs; CI by Student's t; evaluations and time are means, time as measured with whatever "
     "ran beside it. The lowest mean stands out."
@@ -41,24 +46,24 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
     shown = [r.model_copy(update={"parameters": values}) for r, values in zip(record.runs, own, strict=True)]
     runs = tuple(_run_record(r, coordinates) for r in shown)
     problem = ProblemRuns(record.name, runs, tuple(p.name for p in coordinates))
-    found = section(compared([problem])["problems"][0], drawings, whole=False)
+    found = section(compared([problem]).problems[0], drawings, whole=False)
     many_methods = len({r.method for r in runs}) > 1
     return found | {"title": "Methods" if many_methods else "Runs"}
 
 
-def section(problem: Mapping[str, Any], drawings: Drawings, whole: bool = True) -> dict[str, Any]:
+def section(problem: ProblemComparison, drawings: Drawings, whole: bool = True) -> dict[str, Any]:
     """What the template shows of one problem; `whole` also draws what a study's report has elsewhere."""
-    methods = problem["methods"]
-    targets = [tables.targets_table(t) for t in problem["targets"]]
+    methods = problem.methods
+    targets = [tables.targets_table(t) for t in problem.targets]
     shown = _first_targets(problem)
     return {
-        "title": problem["name"],
+        "title": problem.name,
         "about": _about(problem),
-        "says": [said(s["level"], s["sentence"]) for s in problem["sentences"]],
+        "says": [said(s.level, s.sentence) for s in problem.sentences],
         "costs": tables.costs_table(methods),
         "intervals": tables.intervals_table(methods),
         "means_note": MEANS_NOTE,
-        "pairs": tables.pairs_table(problem["pairs"]) if problem["pairs"] else None,
+        "pairs": tables.pairs_table(problem.pairs) if problem.pairs else None,
         "hitting": _hitting(problem),
         "targets": [targets[k] for k in shown],
         "more_targets": [t for k, t in enumerate(targets) if k not in shown],
@@ -69,11 +74,10 @@ def section(problem: Mapping[str, Any], drawings: Drawings, whole: bool = True) 
     }
 
 
-def _cost_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -> dict[str, Any]:
-    methods = problem["methods"]
-    ended = [m for m in methods if m["sorted"]["cost"]]
-    lines = {name: v for name in ("floor", "optimum") if (v := problem[name]) is not None}
-    named = {{"floor": "noise floor", "optimum": "known optimum"}[name]: v for name, v in lines.items()}
+def _cost_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -> dict[str, Any]:
+    methods = problem.methods
+    ended = [m for m in methods if m.sorted and m.sorted.cost]
+    named = {name: v for name, v in (("noise floor", problem.floor), ("known optimum", problem.optimum)) if v is not None}
     distribution = means = ordered = None
     if ended:
         label = "Distribution of the final costs of each method, with runs as points."
@@ -81,9 +85,10 @@ def _cost_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -
         if whole:
             ordered = drawings.add(costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted.")
     if len(ended) > 1:
-        means = [_means(key, title, ended, drawings) for key, title in MEANS.items()]
-    most = max((m["runs"] for m in methods), default=0)
-    note = f" Of more than {len(ended[0]['sorted']['cost'])} runs every k-th in order of cost is drawn." if ended and most > 400 else ""
+        means = [_means(of, title, ended, drawings) for title, of in MEANS.items()]
+    most = max((m.runs for m in methods), default=0)
+    drawn = len(ended[0].sorted.cost) if ended and ended[0].sorted else 0
+    note = f" Of more than {drawn} runs every k-th in order of cost is drawn." if ended and most > 400 else ""
     return {
         "distribution": distribution,
         "distribution_note": f"Points: single runs, box: quartiles and median.{note}",
@@ -92,26 +97,26 @@ def _cost_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -
     }
 
 
-def _means(key: str, title: str, methods: Sequence[Mapping[str, Any]], drawings: Drawings) -> dict[str, Any]:
-    figure = costs.means_figure(title, {m["name"]: m[key] for m in methods})
+def _means(of: Callable[[MethodRuns], RunsSummary], title: str, methods: Sequence[MethodRuns], drawings: Drawings) -> dict[str, Any]:
+    figure = costs.means_figure(title, {m.name: of(m) for m in methods})
     return drawings.add(figure, f"{title} of each method with its interval.")
 
 
-def _curve_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) -> dict[str, Any]:
-    runs = {m["name"]: m["runs"] for m in problem["methods"]}
+def _curve_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -> dict[str, Any]:
+    runs = {m.name: m.runs for m in problem.methods}
     evaluations = seconds = ecdf = None
-    if whole and any(c["at"] for c in problem["convergence"].values()):
-        figure = curves.quartiles_figure(problem["convergence"], runs, "evaluations", "evaluations")
+    if whole and any(c.at for c in problem.convergence.values()):
+        figure = curves.quartiles_figure(problem.convergence, runs, "evaluations", "evaluations")
         evaluations = drawings.add(figure, "Median best cost of each method against evaluations, with quartiles.")
-        figure = curves.quartiles_figure(problem["convergence_seconds"], runs, "seconds", "s")
+        figure = curves.quartiles_figure(problem.convergence_seconds, runs, "seconds", "s")
         seconds = drawings.add(figure, "Median best cost of each method against seconds, with quartiles.")
-    if problem["ecdf"]["targets"]:
-        figure = curves.ecdf_figure(problem["ecdf"], "evaluations")
+    if problem.ecdf and problem.ecdf.targets:
+        figure = curves.ecdf_figure(problem.ecdf, "evaluations")
         ecdf = drawings.add(figure, "Share of targets reached by each method against evaluations.")
-    scale = problem["scale"]
+    scale, count = problem.scale, (problem.ecdf and problem.ecdf.targets) or 0
     note = (
-        f"Share of all pairs of a run and a target that were reached; {problem['ecdf']['targets']} targets from {scale['reference']:.4g} "
-        f"({scale['source']}) down towards {scale['best']:.6g} ({'the known optimum' if scale['known'] else 'the best cost found'}), "
+        f"Share of all pairs of a run and a target that were reached; {count} targets from {scale.reference:.4g} "
+        f"({scale.source}) down towards {scale.best:.6g} ({'the known optimum' if scale.known else 'the best cost found'}), "
         "five to a decade of the gap."
         if scale
         else ""
@@ -119,45 +124,45 @@ def _curve_figures(problem: Mapping[str, Any], drawings: Drawings, whole: bool) 
     return {"evaluations": evaluations, "seconds": seconds, "ecdf": ecdf, "ecdf_note": note}
 
 
-def _answer_figures(problem: Mapping[str, Any], drawings: Drawings) -> dict[str, Any]:
-    parallel, optima = problem["parallel"], problem["optima"]
+def _answer_figures(problem: ProblemComparison, drawings: Drawings) -> dict[str, Any]:
+    parallel, optima = problem.parallel or BestRuns(names=[], runs=[], left_out=0), problem.optima
     drawn = grouped = table = None
-    if len(parallel["names"]) > 1 and parallel["runs"]:
-        figure = answers.parallel_figure(parallel, [m["name"] for m in problem["methods"]])
+    if len(parallel.names) > 1 and parallel.runs:
+        figure = answers.parallel_figure(parallel, [m.name for m in problem.methods])
         drawn = drawings.add(figure, "Parameters of the best runs, each at its place between its bounds.")
-    if optima["count"] > 1:
+    if optima.count > 1:
         table = tables.optima_table(optima)
-        if len(optima["names"]) > 1:
+        if len(optima.names) > 1:
             grouped = drawings.add(answers.optima_figure(optima), "Parameters of distinct answers of the same cost.")
-    left = f" {parallel['left_out']} parameters that differ less are left out." if parallel["left_out"] else ""
-    note = f"The {len(parallel['runs'])} best runs, as many of each method, between the bounds of each parameter.{left}"
+    left = f" {parallel.left_out} parameters that differ less are left out." if parallel.left_out else ""
+    note = f"The {len(parallel.runs)} best runs, as many of each method, between the bounds of each parameter.{left}"
     return {"parallel": drawn, "parallel_note": note, "optima": grouped, "optima_table": table}
 
 
-def _first_targets(problem: Mapping[str, Any]) -> list[int]:
+def _first_targets(problem: ProblemComparison) -> list[int]:
     """The targets asked for and the main one, else the first ones."""
-    asked = [k for k, t in enumerate(problem["targets"]) if t["label"][:2] != "10"]
-    main = [] if problem["main_target"] is None else [problem["main_target"]]
-    return list(dict.fromkeys([*asked, *main])) or list(range(min(FULL_TARGETS, len(problem["targets"]))))
+    asked = [k for k, t in enumerate(problem.targets) if t.label[:2] != "10"]
+    main = [] if problem.main_target is None else [problem.main_target]
+    return list(dict.fromkeys([*asked, *main])) or list(range(min(FULL_TARGETS, len(problem.targets))))
 
 
-def _targets_note(problem: Mapping[str, Any]) -> str:
-    scale = problem["scale"]
+def _targets_note(problem: ProblemComparison) -> str:
+    scale = problem.scale
     restarts = "Expected evaluations count restarts after every miss (ERT); intervals from simulated restarts."
     if not scale:
         return restarts
-    goal = "the known optimum" if scale["known"] else "the best cost found"
-    return f"10^-k: {goal} {scale['best']:.6g} plus 10^-k of the gap to {scale['reference']:.4g}, the {scale['source']}. {restarts}"
+    goal = "the known optimum" if scale.known else "the best cost found"
+    return f"10^-k: {goal} {scale.best:.6g} plus 10^-k of the gap to {scale.reference:.4g}, the {scale.source}. {restarts}"
 
 
-def _hitting(problem: Mapping[str, Any]) -> tables.Table | None:
-    if not problem["hitting"]:
+def _hitting(problem: ProblemComparison) -> tables.Table | None:
+    if not problem.hitting or problem.main_target is None:
         return None
-    return tables.hitting_table(problem["hitting"], problem["targets"][problem["main_target"]]["cost"])
+    return tables.hitting_table(problem.hitting, problem.targets[problem.main_target].cost)
 
 
-def _about(problem: Mapping[str, Any]) -> str:
-    numbers = problem["studies"]
+def _about(problem: ProblemComparison) -> str:
+    numbers = problem.studies
     return f"{'Study' if len(numbers) == 1 else 'Studies'} {listed(str(n) for n in numbers)}." if numbers else ""
 
 

@@ -110,7 +110,11 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
     if "Kp" in best:
         form, parameters = "PID", Gains(**{n: float(best[n]) for n in ("Kp", "Ki", "Kd", "b", "filter_time")}, c=0.0)
     else:
-        form, parameters = "LQI", Servo._make(_array(best[n]) for n in Servo._fields)
+        if "set_point_share" not in best:
+            raise SimulationError(
+                f"{name} was written before plantfit kept how fast the set point of an LQI or MPC moves; run `plantfit tune` again."
+            )
+        form, parameters = "LQI", Servo._make(_array(best["set_point_share" if n == "share" else n]) for n in Servo._fields)
         if record.get("plan"):
             form, plan = "MPC", (len(record["plan"]["moves"]), w["rate"] is not None)
             task = Prepared(_array(best["project"]), _array(best["yielding"]))

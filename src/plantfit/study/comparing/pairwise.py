@@ -1,53 +1,26 @@
 """Methods against each other on one problem: effect size with its interval, and rank tests corrected for their number."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import scipy
 
+from plantfit.findings.results.methods_compared import SIGNIFICANCE, PairInTime
 from plantfit.study.comparing.statistics import NAN_INTERVAL, Interval
 
 EFFECTS = ((0.06, "negligible"), (0.14, "small"), (0.21, "medium"))  # |A12 - 1/2| below which, Vargha and Delaney 2000
-LEVEL = 0.05
 POWER = 0.8
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Methods `first` and `second`: `a12` is the probability that first costs more than second.
-
-    0.5 is a draw; below 0.5 the first is better; `a12_interval` holds it with 95 % confidence. `p` is the
-    two-sided Mann-Whitney p value and `p_holm` the same after Holm's correction for all pairs.
-    """
-
-    first: str
-    second: str
-    a12: float
-    p: float
-    p_holm: float
-    a12_interval: Interval = NAN_INTERVAL
-
-    @property
-    def differs(self) -> bool:
-        """Whether the difference is more than chance, at 5 % over all pairs."""
-        return self.p_holm < LEVEL
-
-    @property
-    def winner(self) -> str:
-        """The method with the lower costs, shown or not."""
-        return self.first if self.a12 <= 0.5 else self.second
-
-
-def compare(costs: Mapping[str, Any]) -> list[Comparison]:
+def compare(costs: Mapping[str, Any]) -> list[PairInTime]:
     """All pairs of methods, each with costs (n,); failed runs (NaN) rank as worst. No empty ones."""
     ranked = {method: _failures_last(values) for method, values in costs.items() if np.size(values)}
     pairs = list(combinations(ranked, 2))
     p = [mann_whitney(ranked[a], ranked[b]) for a, b in pairs]
     return [
-        Comparison(a, b, a12(ranked[a], ranked[b]), raw, fixed, a12_interval(ranked[a], ranked[b]))
+        PairInTime(first=a, second=b, a12=a12(ranked[a], ranked[b]), p=raw, p_holm=fixed, a12_interval=a12_interval(ranked[a], ranked[b]))
         for (a, b), raw, fixed in zip(pairs, p, holm(p), strict=True)
     ]
 
@@ -97,7 +70,7 @@ def detectable(m: int, n: int, pairs: int = 1) -> float:
     if m == 0 or n == 0:
         return 1.0
     share = m / (m + n)
-    z = scipy.stats.norm.ppf(1 - LEVEL / (2 * max(pairs, 1))) + scipy.stats.norm.ppf(POWER)
+    z = scipy.stats.norm.ppf(1 - SIGNIFICANCE / (2 * max(pairs, 1))) + scipy.stats.norm.ppf(POWER)
     return float(min(1.0, 0.5 + z / np.sqrt(12 * share * (1 - share) * (m + n))))
 
 

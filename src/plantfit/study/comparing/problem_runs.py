@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plantfit.findings.results.methods_compared import CostScale
 from plantfit.study.comparing.pairwise import levels
-from plantfit.study.comparing.targets import Scale
 from plantfit.study.store.records import RunRecord
 
 TIE = 1e-6  # relative difference below which two costs count as equal
@@ -43,7 +43,7 @@ def costs_of(runs: Sequence[RunRecord]) -> np.ndarray:
     return np.array([r.cost for r in runs], dtype=float)
 
 
-def tied(costs: Mapping[str, np.ndarray], scale: Scale | None) -> dict[str, np.ndarray]:
+def tied(costs: Mapping[str, np.ndarray], scale: CostScale | None) -> dict[str, np.ndarray]:
     """Costs as levels, equal where they differ by rounding only."""
     return levels(costs, TIE, ROUNDING * (scale.reference - scale.best) if scale else 0.0)
 

@@ -1,11 +1,11 @@
 """How runs went over time: targets reached, medians inside their quartiles, and where methods change places."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from plantfit.findings.results.methods_compared import Lead
 from plantfit.study.comparing.pairwise import a12
 from plantfit.study.store.records import RunRecord
 
@@ -85,14 +85,6 @@ def quartiles(costs: np.ndarray) -> np.ndarray:
         return np.stack([low, np.median(costs, axis=0), high])
 
 
-@dataclass(frozen=True)
-class Lead:
-    """From `start` on the grid `method` is ahead (see `leads`); the first of them starts where someone is."""
-
-    method: str
-    start: float
-
-
 def leads(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], grid: np.ndarray) -> list[Lead]:
     """Who of two methods with best costs (n, g), (m, g) is ahead from when on; stretches without a lead belong to the last leader.
 
@@ -112,6 +104,6 @@ def leads(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], grid: n
         if sign[k] != held:
             crossed = np.flatnonzero(ahead[since : k + 1] == sign[k]) if held else np.array([], dtype=int)
             place = since + int(crossed[0]) if len(crossed) else int(k)
-            found.append(Lead(a if sign[k] < 0 else b, float(grid[place])))
+            found.append(Lead(method=a if sign[k] < 0 else b, start=float(grid[place])))
         held, since = sign[k], int(k)
     return found

@@ -1,54 +1,24 @@
 """What a comparison of methods means, in plain sentences with their numbers."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from plantfit.findings.results.methods_compared import SIGNIFICANCE, CostTarget, MethodPair, PairOverProblems, RankTest
 from plantfit.study.comparing.friedman import smallest_p
-from plantfit.study.comparing.pairwise import LEVEL, effect_word
-from plantfit.study.comparing.profiles import Lead
-from plantfit.study.comparing.statistics import NAN_INTERVAL, Interval
+from plantfit.study.comparing.pairwise import effect_word
 
 MOST_CHANGES = 3  # leads told one by one
 SAME = 1e-6  # medians this near, relatively, are called equal
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two methods on one problem: `a12` >= 0.5 is the probability that a run of `better` ends lower than one of `worse`.
-
-    `ratio` is the median cost of `worse` over that of `better`, NaN where a median is not above zero; `medians` are
-    those of better and worse. `detectable` is the A12 that these runs would have shown with 80 % power.
-    """
-
-    better: str
-    worse: str
-    runs: tuple[int, int]
-    pairs: int
-    a12: float
-    a12_interval: Interval
-    p: float
-    p_holm: float
-    medians: tuple[float, float]
-    ratio: float = float("nan")
-    ratio_interval: Interval = NAN_INTERVAL
-    detectable: float = 1.0
-    leads: tuple[Lead, ...] = ()
-
-    @property
-    def differs(self) -> bool:
-        """Whether the difference is more than chance, at 5 % over all pairs."""
-        return self.p_holm < LEVEL
-
-
-def pair_sentence(pair: Pair) -> str:
+def pair_sentence(pair: MethodPair) -> str:
     """Who wins, by how much, how sure, and when the order changed."""
     return f"{_outcome(pair)} {change_sentence(pair)}".strip()
 
 
-def _outcome(pair: Pair) -> str:
+def _outcome(pair: MethodPair) -> str:
     runs = f"{pair.runs[0]} and {pair.runs[1]} runs"
     effect = f"A12, the share of pairs won, {pair.a12:.2f} ({_interval(pair.a12_interval, '.2f')})"
     p = f"{p_value(pair.p_holm)}{f' after Holm for {pair.pairs} pairs' if pair.pairs > 1 else ''}"
@@ -63,7 +33,7 @@ def _outcome(pair: Pair) -> str:
     return f"No difference between {pair.better} and {pair.worse} that {runs} could show: {effect}, {p}; {seen}."
 
 
-def _margin(pair: Pair) -> str:
+def _margin(pair: MethodPair) -> str:
     often = f"its runs end lower in {100 * pair.a12:.0f} % of pairs"
     better, worse = pair.medians
     if better == worse or abs(worse - better) <= SAME * abs(better):
@@ -79,7 +49,7 @@ def _margin(pair: Pair) -> str:
     return f"{often} and its median cost is {way} by {abs(worse - better):.3g}"
 
 
-def change_sentence(pair: Pair) -> str:
+def change_sentence(pair: MethodPair) -> str:
     """At which evaluations the order changed; empty if it never did."""
     if len(pair.leads) < 2:
         return ""
@@ -96,20 +66,20 @@ def order_sentence(medians: Mapping[str, float]) -> str:
     return "Median final cost: " + ", ".join(f"{m} {_cost(medians[m])}" for m in ranked) + "."
 
 
-def target_sentence(label: str, cost: float, reached: Mapping[str, Mapping[str, Any]]) -> str:
-    """How often and how fast each method reaches a cost; `reached` holds the records of one target."""
+def target_sentence(label: str, target: CostTarget) -> str:
+    """How often and how fast each method reaches a cost."""
     told = []
-    for method, r in reached.items():
-        if not r["n"]:
+    for method, r in target.methods.items():
+        if not r.n:
             continue
-        low, high = r["rate_interval"]
-        if r["hits"] == 0:
-            told.append(f"{method} never in {r['n']} runs (success rate below {_share(high)})")
+        low, high = r.rate_interval
+        if r.hits == 0:
+            told.append(f"{method} never in {r.n} runs (success rate below {_share(high)})")
             continue
-        share = f"{_share(r['rate'])} of {r['n']} runs ({_share(low)} to {_share(high)})"
-        spent = f"{evaluations(r['ert'])} expected evaluations ({_interval([evaluations(v) for v in r['ert_interval']], '')})"
-        told.append(f"{method} in {share} after {spent}, {duration(r['ert_seconds'])}")
-    return f"Cost {cost:.6g} ({label}) is reached by {'; by '.join(told)}." if told else ""
+        share = f"{_share(r.rate)} of {r.n} runs ({_share(low)} to {_share(high)})"
+        spent = f"{evaluations(r.ert)} expected evaluations ({_interval([evaluations(v) for v in r.ert_interval], '')})"
+        told.append(f"{method} in {share} after {spent}, {duration(r.ert_seconds)}")
+    return f"Cost {target.cost:.6g} ({label}) is reached by {'; by '.join(told)}." if told else ""
 
 
 def optima_sentence(shares: Sequence[float], within: float, widest: tuple[str, float] | None) -> str:
@@ -135,34 +105,34 @@ def one_problem_sentence(runs: Iterable[int]) -> str:
     )
 
 
-def friedman_sentence(record: Mapping[str, Any]) -> str:
+def friedman_sentence(record: RankTest) -> str:
     """Average ranks of the methods over problems and whether they differ."""
-    ranks = record["mean_ranks"]
+    ranks = record.mean_ranks
     ordered = ", ".join(f"{m} {ranks[m]:.2f}" for m in sorted(ranks, key=lambda m: ranks[m]))
-    head = f"Over {record['problems']} problems the mean ranks are {ordered} (1 is best)"
-    if record["p"] >= LEVEL:
-        return f"{head}: no difference that {record['problems']} problems could show ({p_value(record['p'])}, Friedman, Iman-Davenport)."
-    behind = [m for m, p in record["p_holm"].items() if p is not None and p < LEVEL]
-    tail = f"{record['best']} ranks better than {', '.join(behind)}" if behind else "no single method is shown to be worse than the best"
-    return f"{head}: they differ ({p_value(record['p'])}, Friedman, Iman-Davenport); after Holm {tail}."
+    head = f"Over {record.problems} problems the mean ranks are {ordered} (1 is best)"
+    if record.p >= SIGNIFICANCE:
+        return f"{head}: no difference that {record.problems} problems could show ({p_value(record.p)}, Friedman, Iman-Davenport)."
+    behind = [m for m, p in record.p_holm.items() if p is not None and p < SIGNIFICANCE]
+    tail = f"{record.best} ranks better than {', '.join(behind)}" if behind else "no single method is shown to be worse than the best"
+    return f"{head}: they differ ({p_value(record.p)}, Friedman, Iman-Davenport); after Holm {tail}."
 
 
-def across_sentence(record: Mapping[str, Any]) -> str:
+def across_sentence(record: PairOverProblems) -> str:
     """Two methods over several problems."""
-    n = record["problems"]
-    effect = f"mean A12 {record['a12']:.2f}, 95 % interval over problems and runs {_interval(record['a12_interval'], '.2f')}"
-    p, ratio = p_value(record["p_holm"]), record["ert_ratio"]
+    n = record.problems
+    effect = f"mean A12 {record.a12:.2f}, 95 % interval over problems and runs {_interval(record.a12_interval, '.2f')}"
+    p, ratio = p_value(record.p_holm), record.ert_ratio
     sooner = ""
     if np.isfinite(ratio):
-        word, (low, high) = ("fewer", record["ert_ratio_interval"])
+        word, (low, high) = ("fewer", record.ert_ratio_interval)
         if ratio < 1:
             word, ratio, low, high = "more", 1 / ratio, 1 / high, 1 / low
         sooner = f"; {ratio:.3g} times {word} expected evaluations to the target, {low:.3g} to {high:.3g}"
-    if record["p_holm"] < LEVEL:
-        return f"{record['better']} beats {record['worse']} over {n} problems ({effect}{sooner}; {p}, {record['test']})."
+    if record.p_holm < SIGNIFICANCE:
+        return f"{record.better} beats {record.worse} over {n} problems ({effect}{sooner}; {p}, {record.test})."
     least = smallest_p(n)
-    why = f"; {n} problems cannot give a p below {least:.2g}" if least >= LEVEL and record["test"].startswith("signed") else ""
-    return f"No difference between {record['better']} and {record['worse']} shown over {n} problems ({effect}{sooner}; {p}{why})."
+    why = f"; {n} problems cannot give a p below {least:.2g}" if least >= SIGNIFICANCE and record.test.startswith("signed") else ""
+    return f"No difference between {record.better} and {record.worse} shown over {n} problems ({effect}{sooner}; {p}{why})."
 
 
 def p_value(p: float) -> str:

@@ -1,38 +1,17 @@
 """Runs of one method in numbers: location, spread, intervals, success and expected running time."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy
 
+from plantfit.findings.results.methods_compared import RunsSummary
 from plantfit.study.store.records import RunRecord
 
 Interval = tuple[float, float]
+
 NAN_INTERVAL = (float("nan"), float("nan"))
-
-
-@dataclass(frozen=True)
-class Summary:
-    """What the costs of a method look like.
-
-    `n` counts finite costs and `failed` the others (NaN, infinite), which enter no other number.
-    `std` has n - 1 in the denominator, `sem` = std / sqrt(n); both are NaN for n = 1.
-    The three intervals are 95 % confidence intervals of the mean: mean +- 1.96 sem, with Student's t, and by bootstrap.
-    """
-
-    n: int
-    failed: int
-    minimum: float
-    maximum: float
-    median: float
-    mean: float
-    std: float
-    sem: float
-    normal_interval: Interval
-    t_interval: Interval
-    bootstrap_interval: Interval
 
 
 def costs_by_method(runs: Iterable[RunRecord]) -> dict[str, np.ndarray]:
@@ -43,16 +22,19 @@ def costs_by_method(runs: Iterable[RunRecord]) -> dict[str, np.ndarray]:
     return {method: np.array(costs, dtype=float) for method, costs in found.items()}
 
 
-def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> Summary:
+def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> RunsSummary:
     """Summary of costs (n,); `seed` drives the bootstrap of `resamples`. All numbers are NaN without a finite cost."""
     every = np.asarray(costs, dtype=float).ravel()
     values = every[np.isfinite(every)]
     n = len(values)
     if n == 0:
         nan = float("nan")
-        return Summary(0, len(every), nan, nan, nan, nan, nan, nan, NAN_INTERVAL, NAN_INTERVAL, NAN_INTERVAL)
+        return RunsSummary(
+            n=0, failed=len(every), minimum=nan, maximum=nan, median=nan, mean=nan, std=nan, sem=nan, normal_interval=NAN_INTERVAL,
+            t_interval=NAN_INTERVAL, bootstrap_interval=NAN_INTERVAL,
+        )  # fmt: skip
     std = float(np.std(values, ddof=1)) if n > 1 else float("nan")
-    return Summary(
+    return RunsSummary(
         n=n,
         failed=len(every) - n,
         minimum=float(values.min()),

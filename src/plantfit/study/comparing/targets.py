@@ -1,10 +1,10 @@
 """Costs worth reaching: what the user asks for, the noise floor, and steps between random search and the best known cost."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from plantfit.findings.results.methods_compared import CostScale, CostTarget
 from plantfit.study.store.records import RunRecord
 
 DECADES = 8  # the finest target is 10^-8 of the way from random search to the best cost
@@ -13,33 +13,7 @@ RESOLUTION = 1e-12  # relative difference below which a cost cannot be told from
 RANDOM = "random"  # name of the baseline method
 
 
-@dataclass(frozen=True)
-class Target:
-    """A cost to reach, and where it comes from: "asked for", "noise floor" or "10^-2"."""
-
-    label: str
-    cost: float
-
-
-@dataclass(frozen=True)
-class Scale:
-    """What costs are measured against: `best` (the known optimum, else the lowest cost found) and `reference`.
-
-    `reference` is the median final cost of random search; `source` says so, or that the median best cost after a
-    run's first evaluations stands in for it because random search is not among the methods.
-    """
-
-    best: float
-    reference: float
-    source: str
-    known: bool
-
-    def at(self, decades: float) -> float:
-        """The cost best + 10^-decades (reference - best)."""
-        return self.best + 10.0**-decades * (self.reference - self.best)
-
-
-def scale_of(runs: Iterable[RunRecord], optimum: float | None = None) -> Scale | None:
+def scale_of(runs: Iterable[RunRecord], optimum: float | None = None) -> CostScale | None:
     """The scale of a problem from all runs on it; None without a finite cost or when nothing was gained."""
     runs = list(runs)
     finite = [r.cost for r in runs if np.isfinite(r.cost)]
@@ -50,18 +24,18 @@ def scale_of(runs: Iterable[RunRecord], optimum: float | None = None) -> Scale |
     best = min(finite) if optimum is None else optimum
     reference = float(np.median(random or began)) if random or began else float(np.median(finite))
     source = "median of random search" if random else "median at the start of the runs"
-    return Scale(best, reference, source, optimum is not None) if reference > best else None
+    return CostScale(best=best, reference=reference, source=source, known=optimum is not None) if reference > best else None
 
 
-def targets(scale: Scale | None, *, asked: Sequence[float] = (), floor: float | None = None) -> list[Target]:
+def targets(scale: CostScale | None, *, asked: Sequence[float] = (), floor: float | None = None) -> list[CostTarget]:
     """What a table of targets shows: those asked for, the noise floor, then 10^-1, 10^-2, ... as far as costs can be told apart."""
-    found = [Target("asked for", float(t)) for t in asked]
+    found = [CostTarget(label="asked for", cost=float(t)) for t in asked]
     if floor is not None:
-        found.append(Target("noise floor", floor))
-    return found + [Target(f"10^-{k}", scale.at(k)) for k in range(1, DECADES + 1) if scale and told_apart(scale, k)]
+        found.append(CostTarget(label="noise floor", cost=floor))
+    return found + [CostTarget(label=f"10^-{k}", cost=scale.at(k)) for k in range(1, DECADES + 1) if scale and told_apart(scale, k)]
 
 
-def profile_targets(scale: Scale | None) -> np.ndarray:
+def profile_targets(scale: CostScale | None) -> np.ndarray:
     """Costs (t,) from the reference down to 10^-8 of the gap in fifths of a decade, for distribution functions."""
     if scale is None:
         return np.empty(0)
@@ -69,7 +43,7 @@ def profile_targets(scale: Scale | None) -> np.ndarray:
     return np.array([scale.at(k) for k in steps if told_apart(scale, k)])
 
 
-def told_apart(scale: Scale, decades: float) -> bool:
+def told_apart(scale: CostScale, decades: float) -> bool:
     """Whether the target lies above the best cost by more than rounding."""
     return scale.at(decades) - scale.best > RESOLUTION * abs(scale.best)
 

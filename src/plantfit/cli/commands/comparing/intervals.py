@@ -1,34 +1,13 @@
 """`plantfit intervals`: intervals of a study's parameters by several kinds, side by side."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from plantfit.study.store.addresses import STORE, VARIABLE
 
 
 def intervals(
-    given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
-    kinds: Annotated[
-        str, typer.Option("--kinds", help="Which, with commas: covariance, profile, bootstrap, posterior.")
-    ] = "covariance,profile,bootstrap",
-    posterior: Annotated[bool, typer.Option("--posterior", help="The posterior too, by NUTS; needs plantfit[posterior].")] = False,
-    only: Annotated[str | None, typer.Option("--only", help="These parameters, as in tau,K; all if left out.")] = None,
-    level: Annotated[str, typer.Option("--level", help="As in 95% or 0.95.")] = "95%",
-    replicates: Annotated[int, typer.Option("--replicates", help="Refits of the bootstrap.")] = 400,
-    chains: Annotated[int, typer.Option("--chains", help="Chains of the posterior.")] = 4,
-    draws: Annotated[int, typer.Option("--draws", help="Draws of each chain.")] = 1000,
-    prior: Annotated[
-        list[str] | None, typer.Option("--prior", help="Known beforehand, for the posterior: 'tau=138 +- 5 s' (repeat).")
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Same seed, same numbers.")] = 1,
-    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-intervals.html if left out.")] = None,
-    save_draws: Annotated[str | None, typer.Option("--save-draws", help="Also write the posterior's draws, as netCDF.")] = None,
-    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
-    workers: Annotated[str | None, typer.Option("--workers", help="Worker processes, if the study has to be fitted first.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON value, nothing else, on standard output.")] = False,
-) -> None:
+    given: str, kinds: str, posterior: bool, only: str | None, level: str, numbers: Mapping[str, int], prior: Sequence[str],
+    out: str | None, save_draws: str | None, store: str, workers: str | None, json: bool,
+) -> None:  # fmt: skip
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.arguments.quantities import fraction, texts_by_name
@@ -44,7 +23,7 @@ def intervals(
     if (posterior or prior or save_draws) and "posterior" not in wanted:
         wanted.append("posterior")
     share = fraction("--level", level)
-    priors = texts_by_name("--prior", prior or [])
+    priors = texts_by_name("--prior", prior)
     if save_draws:
         from plantfit.trust.intervals.kinds.inference_data import need_h5netcdf
 
@@ -59,25 +38,21 @@ def intervals(
     from plantfit.trust.intervals.kinds.priors import normal_priors
 
     names = [n.strip() for n in only.split(",") if n.strip()] if only else []
-    check_wishes(wanted, share, replicates, chains, draws)
+    check_wishes(wanted, share, numbers["replicates"], numbers["chains"], numbers["draws"])
     normal_priors(one.ready.prepared.problem.space, priors)  # a slip is told before anything is fitted
     unknown = [n for n in names if n not in one.ready.prepared.problem.space.names]
     if unknown:
         raise SpecError(f"There is no free parameter {unknown[0]!r}; there are {', '.join(one.ready.prepared.problem.space.names)}.")
-    answers, numbers = answers_of(opened, [one], workers, json)
+    answers, stored = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         found = compare_intervals(
-            answers[given], kinds=wanted, parameters=names, level=share, replicates=replicates, chains=chains, draws=draws, priors=priors,
-            seed=seed, progress=say,
+            answers[given], kinds=wanted, parameters=names, level=share, priors=priors, progress=say, **numbers
         )  # fmt: skip
     written = {"report": str(found.report(to))}
     if save_draws and found.draws is not None:
         written["draws"] = str(found.save_draws(save_draws))
     if json:
-        return print_json(found.typed.printed(study=numbers[given], written=written))
+        return print_json(found.typed.printed(study=stored[given], written=written))
     verdict(found.record)
     screen.print("\n" + found.table(), markup=False)
     screen.print(f"\nReport: {', '.join(written.values())}", markup=False)
-
-
-__all__ = ["intervals"]

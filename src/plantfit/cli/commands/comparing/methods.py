@@ -7,6 +7,7 @@ from typing import Any
 
 from plantfit.cli.terminal.out import MARKS, out, print_json
 from plantfit.errors import SearchError, StoreError
+from plantfit.findings.results.methods_compared import ComparisonOfMethods, MethodRuns
 from plantfit.study.store.addresses import shown
 
 
@@ -27,15 +28,14 @@ def compare(
     opened = Store.open(store, create=False)
     chosen = _chosen(opened, numbers, store)
     problems = gather(opened, chosen, floor=floor, optimum=optimum)
-    record = compared(problems, asked=asked, seed=seed)
-    record["reproduction"] = _reproduction(opened, chosen, store, seed)
+    record = compared(problems, asked=asked, seed=seed).having(reproduction=_reproduction(opened, chosen, store, seed))
     written = {"report": str(write_comparison(record, place))}
     for key, target, text in (("latex", latex, latex_table), ("csv", table, csv_table)):
         if target is not None:
             Path(target).write_text(text(record), encoding="utf-8")
             written[key] = target
     if json:
-        return print_json({**_short(record), "written": written})
+        return print_json(record.printed(written=written))
     _say(record)
     out.print("\nWritten: " + ", ".join(written.values()), markup=False)
 
@@ -69,26 +69,16 @@ def _reproduction(opened: Any, chosen: Sequence[int], store: str, seed: int) -> 
     }
 
 
-def _short(record: dict[str, Any]) -> dict[str, Any]:
-    """The record without the curves and points of figures."""
-    drawn = ("convergence", "convergence_seconds", "ecdf", "parallel")
-    problems = [{k: v for k, v in p.items() if k not in drawn} for p in record["problems"]]
-    for p in problems:
-        p["methods"] = [{k: v for k, v in m.items() if k != "sorted"} for m in p["methods"]]
-    across = record["across"] and {k: v for k, v in record["across"].items() if k != "profile"}
-    return {**record, "problems": problems, "across": across}
-
-
-def _say(record: dict[str, Any]) -> None:
-    for problem in record["problems"]:
-        out.print(f"[bold]{_escaped(problem['name'])}[/bold]")
-        out.print(_table(problem["methods"]), soft_wrap=False)
-        for s in problem["sentences"]:
-            _line(s["level"], s["sentence"])
+def _say(record: ComparisonOfMethods) -> None:
+    for problem in record.problems:
+        out.print(f"[bold]{_escaped(problem.name)}[/bold]")
+        out.print(_table(problem.methods), soft_wrap=False)
+        for s in problem.sentences:
+            _line(s.level, s.sentence)
         out.print()
-    if record["across"]:
+    if record.across:
         out.print("[bold]Over all problems[/bold]")
-        for sentence in record["across"]["sentences"]:
+        for sentence in record.across.sentences:
             _line("info", sentence)
 
 
@@ -98,7 +88,7 @@ def _line(level: str, sentence: str) -> None:
     out.print(sentence, markup=False)
 
 
-def _table(methods: Sequence[dict[str, Any]]) -> Any:
+def _table(methods: Sequence[MethodRuns]) -> Any:
     from rich.table import Table
 
     from plantfit.report.numbers import seconds, significant
@@ -109,11 +99,11 @@ def _table(methods: Sequence[dict[str, Any]]) -> Any:
     for name in ("runs", "best", "median", "worst", "evaluations", "time"):
         table.add_column(name, justify="right", no_wrap=True)
     for m in methods:
-        c = m["cost"]
-        numbers = (significant(c[k], 5, ascii_only=True) for k in ("minimum", "median", "maximum"))
-        failed = f" + {c['failed']} failed" if c["failed"] else ""
-        effort = (f"{m['evaluations']['mean']:.0f}", seconds(m["seconds"]["mean"]))
-        table.add_row(_escaped(m["name"]), f"{c['n']}{failed}", *numbers, *effort)
+        c = m.cost
+        numbers = (significant(v, 5, ascii_only=True) for v in (c.minimum, c.median, c.maximum))
+        failed = f" + {c.failed} failed" if c.failed else ""
+        effort = (f"{m.evaluations.mean:.0f}", seconds(m.seconds.mean))
+        table.add_row(_escaped(m.name), f"{c.n}{failed}", *numbers, *effort)
     return table
 
 

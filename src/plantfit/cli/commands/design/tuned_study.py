@@ -11,6 +11,7 @@ from plantfit.spec.tables import SpecTable, validated
 if TYPE_CHECKING:
     from plantfit.answer import Answer
     from plantfit.controllers import Controller
+    from plantfit.findings.results.tuned_controller import TunedController
 
 
 def read_tables(spec: str) -> SpecTable:
@@ -82,7 +83,7 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
     return open_study(record.id, opened)
 
 
-def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: Path) -> list[Path]:
+def written(found: "Controller", page: Path, folder: Path) -> list[Path]:
     """Page, JSON and C files of a controller. Raises StoreError where a file of the user would be replaced."""
     from plantfit.cli.terminal.out import plain
     from plantfit.folders import may_be_written
@@ -93,18 +94,18 @@ def written(found: "Controller", record: Mapping[str, Any], page: Path, folder: 
         raise StoreError(f"{data} is there and was not written by plantfit; move it, or name another page with --out.")
     folder.mkdir(parents=True, exist_ok=True)
     c = found.to_c(folder)
-    data.write_text(json.dumps({"made_by": "plantfit", **plain(dict(record))}, indent=1, allow_nan=False) + "\n", "utf-8")
-    return [write_controller_page(record, found.curves, page), data, c.source, c.header]
+    data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")
+    return [write_controller_page(found.typed, found.curves, page), data, c.source, c.header]
 
 
-def show(record: Mapping[str, Any]) -> None:
+def show(record: "TunedController") -> None:
     """Verdict, wishes and the table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
     from plantfit.report.pages.controller import asked, heads, reduction, settings, table_rows
     from plantfit.report.text import columns
 
-    verdict(dict(record))
-    out.print(f"{record['form']}: {settings(record)}", markup=False)
+    verdict(record.plain())
+    out.print(f"{record.form}: {settings(record)}", markup=False)
     for sentence in asked(record):
         out.print(f"  {sentence}", markup=False)
     out.print(columns(heads(record), table_rows(record), range(1, len(heads(record)))), markup=False)

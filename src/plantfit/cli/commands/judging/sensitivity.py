@@ -1,44 +1,21 @@
 """`plantfit sensitivity`: which parameters the cost reacts to."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from plantfit.cli.arguments.values import values_at
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line
 from plantfit.errors import SearchError, SpaceError
-from plantfit.study.store.addresses import STORE, VARIABLE
 
 METHODS = ("morris", "sobol")
 
 
 def sensitivity(
-    spec: Annotated[str, typer.Argument(help="The study file (TOML).")],
-    method: Annotated[
-        str, typer.Option("--method", "-m", help="morris (effects around an answer) or sobol (shares of variance).")
-    ] = "morris",
-    radius: Annotated[
-        float | None, typer.Option("--radius", help="How far from the point, as a share of the bounds; 0.01 for morris, the box for sobol.")
-    ] = None,
-    box: Annotated[bool, typer.Option("--box", help="Look at the whole box, around no point.")] = False,
-    groups: Annotated[
-        list[str] | None,
-        typer.Option("--group", help="Parameters that move together, NAME=k,tau (repeat); others rest. Each alone if left out."),
-    ] = None,
-    trajectories: Annotated[int, typer.Option("--trajectories", help="morris: trajectories that are walked.")] = 20,
-    samples: Annotated[int, typer.Option("--samples", help="sobol: a power of two; times (groups + 2) evaluations.")] = 1024,
-    confidence: Annotated[float, typer.Option("--confidence", help="Of the bootstrap intervals.")] = 0.95,
-    seed: Annotated[int, typer.Option("--seed", help="Same seed, same points.")] = 1,
-    values: Annotated[list[str] | None, typer.Option("--set", help="A parameter of the point, as NAME=VALUE in its unit (repeat).")] = None,
-    study: Annotated[
-        int | None, typer.Option("--study", help="Take the other parameters from this study; the newest of that name if left out.")
-    ] = None,
-    page: Annotated[str | None, typer.Option("--out", "-o", help="Also write a page with the table and a figure.")] = None,
-    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database: a file, or a SQLAlchemy URL.")] = STORE,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")] = False,
-) -> None:
+    spec: str, method: str, radius: float | None, box: bool, groups: Sequence[str], counts: Mapping[str, int], confidence: float,
+    values: Sequence[str], study: int | None, page: str | None, store: str, json: bool,
+) -> None:  # fmt: skip
     """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""
     from plantfit import spec as specs
     from plantfit.problem.accuracy.steps import choose_substeps
@@ -54,16 +31,17 @@ def sensitivity(
     wide = radius if method == "sobol" else None if box else 0.01 if radius is None else radius
     point = None
     if wide is not None:
-        given = values_at(problem.space.names, values or [], read.name, study, store)
+        given = values_at(problem.space.names, values, read.name, study, store)
         point = problem.space.cube(problem.space.vector(given))
         _inside(problem.space, given, point)
-    same: dict[str, Any] = {"radius": wide, "groups": _groups(groups or []), "confidence": confidence, "seed": seed}
+    same: dict[str, Any] = {"radius": wide, "groups": _groups(groups), "confidence": confidence, "seed": counts["seed"]}
     with progress_line(json) as tell, stoppable("Stopping; nothing is kept.") as stop:
         same |= {"progress": tell, "stop": stop}
         if method == "morris":
-            found: Any = morris(problem, point, trajectories=trajectories, pool=max(100, trajectories + 1), **same)
+            walked = counts["trajectories"]
+            found: Any = morris(problem, point, trajectories=walked, pool=max(100, walked + 1), **same)
         else:
-            found = sobol_indices(problem, point, samples=samples, **same)
+            found = sobol_indices(problem, point, samples=counts["samples"], **same)
     written = str(_page(found, read.name, page)) if page is not None else None
     if json:
         return print_json(found.typed.printed(name=read.name, page=written))
@@ -78,7 +56,7 @@ def _inside(space: Any, given: dict[str, float], point: Any) -> None:
             raise SpaceError(f"{c.name} = {given[c.name]:g} lies outside of its bounds [{c.lower:g}, {c.upper:g}]; give a value inside.")
 
 
-def _groups(texts: list[str]) -> dict[str, list[str]] | None:
+def _groups(texts: Sequence[str]) -> dict[str, list[str]] | None:
     """NAME=a,b texts as a mapping; None without any."""
     found: dict[str, list[str]] = {}
     for text in texts:

@@ -1,22 +1,23 @@
 """Where answers lie between the bounds: the best runs, and groups of runs of the same cost."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+from plantfit.findings.results.methods_compared import BestRuns, PlacedRun, SameCostAnswers
 from plantfit.report.figures import style
 from plantfit.report.figures.comparison.costs import colours
 from plantfit.report.figures.style import Figure
 from plantfit.report.numbers import percent, significant
 
 
-def parallel_figure(parallel: Mapping[str, Any], methods: Sequence[str]) -> Figure:
+def parallel_figure(parallel: BestRuns, methods: Sequence[str]) -> Figure:
     """The best runs as lines over the parameters, each at its place between the bounds; the lowest cost is drawn strong."""
-    names, palette = parallel["names"], colours(methods)
-    runs = sorted(parallel["runs"], key=lambda r: -r["cost"])
+    names, palette = parallel.names, colours(methods)
+    runs = sorted(parallel.runs, key=lambda r: -r.cost)
     best = runs[-1]
     data = []
     for m in methods:
-        own = [r for r in runs if r["method"] == m]
+        own = [r for r in runs if r.method == m]
         if own:
             data.append(_bundle(own, names, palette[m][0], m))
     data.append(
@@ -25,7 +26,7 @@ def parallel_figure(parallel: Mapping[str, Any], methods: Sequence[str]) -> Figu
             "mode": "lines+markers",
             "name": "lowest cost",
             "x": list(range(len(names))),
-            "y": [round(v, 4) for v in best["place"]],
+            "y": [round(v, 4) for v in best.place],
             "line": {"color": style.INK, "width": 2.5},
             "marker": {"size": 7, "color": style.INK},
             "hoverinfo": "skip",
@@ -34,16 +35,16 @@ def parallel_figure(parallel: Mapping[str, Any], methods: Sequence[str]) -> Figu
     return {"data": data, "layout": _layout(names)}
 
 
-def _bundle(runs: Sequence[Mapping[str, Any]], names: Sequence[str], colour: str, method: str) -> dict[str, Any]:
+def _bundle(runs: Sequence[PlacedRun], names: Sequence[str], colour: str, method: str) -> dict[str, Any]:
     """All runs of a method as one line with gaps, which draws far faster than one line each."""
     x: list[int | None] = []
     y: list[float | None] = []
     text: list[str] = []
     for r in runs:
         x += [*range(len(names)), None]
-        y += [*(round(v, 4) for v in r["place"]), None]
-        told = f"{method} run {r['run']}, cost {significant(r['cost'], 6)}"
-        text += [*(style.plain(f"{n} {significant(v)} · {told}") for n, v in zip(names, r["value"], strict=True)), ""]
+        y += [*(round(v, 4) for v in r.place), None]
+        told = f"{method} run {r.run}, cost {significant(r.cost, 6)}"
+        text += [*(style.plain(f"{n} {significant(v)} · {told}") for n, v in zip(names, r.value, strict=True)), ""]
     opacity = max(0.12, min(0.6, 12 / len(runs)))
     return {
         "type": "scatter",
@@ -59,25 +60,25 @@ def _bundle(runs: Sequence[Mapping[str, Any]], names: Sequence[str], colour: str
     }
 
 
-def optima_figure(optima: Mapping[str, Any]) -> Figure:
+def optima_figure(optima: SameCostAnswers) -> Figure:
     """The best answer of each group of runs that share the lowest cost; the wider the line, the more runs."""
-    names, groups = optima["names"], optima["groups"]
-    largest = max(g["share"] for g in groups)
+    names, groups = optima.names, optima.groups
+    largest = max(g.share for g in groups)
     data = []
     for k, g in enumerate(groups):
-        name = f"{g['runs']} runs ({percent(g['share'])})"
-        told = f"{name}, cost {significant(g['cost'], 6)}"
-        text = [style.plain(f"{n} {significant(v)} · {told}") for n, v in zip(names, g["value"], strict=True)]
+        name = f"{g.runs} runs ({percent(g.share)})"
+        told = f"{name}, cost {significant(g.cost, 6)}"
+        text = [style.plain(f"{n} {significant(v)} · {told}") for n, v in zip(names, g.value, strict=True)]
         data.append(
             {
                 "type": "scatter",
                 "mode": "lines+markers",
                 "name": style.plain(name),
                 "x": list(range(len(names))),
-                "y": [round(v, 4) for v in g["place"]],
+                "y": [round(v, 4) for v in g.place],
                 "text": text,
                 "hovertemplate": "%{text}<extra></extra>",
-                "line": {"color": style.SERIES[k % 6], "width": 1.2 + 3 * g["share"] / largest},
+                "line": {"color": style.SERIES[k % 6], "width": 1.2 + 3 * g.share / largest},
                 "marker": {"size": 7},
             }
         )

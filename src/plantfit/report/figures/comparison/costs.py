@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings.results.methods_compared import MethodRuns, RunsSummary, SortedCosts
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
@@ -20,21 +21,21 @@ def colours(methods: Sequence[str]) -> dict[str, tuple[str, str, str]]:
     return {m: (style.SERIES[k % 6], style.BANDS[k % 6], DASHES[k // 6 % 4]) for k, m in enumerate(methods)}
 
 
-def distribution_figure(methods: Sequence[Mapping[str, Any]], lines: Mapping[str, float]) -> Figure:
+def distribution_figure(methods: Sequence[MethodRuns], lines: Mapping[str, float]) -> Figure:
     """Violin (or box, for few runs and for costs over decades) with the runs as points; `lines` are named costs drawn across."""
-    every = np.concatenate([np.array(m["sorted"]["cost"], dtype=float) for m in methods])
+    every = np.concatenate([np.array(_sorted(m).cost, dtype=float) for m in methods])
     log = _wide(every)
-    palette = colours([m["name"] for m in methods])
+    palette = colours([m.name for m in methods])
     layout = style.layout(390, violingap=0.25, boxgap=0.5)
     layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK})
     layout["yaxis"] = _cost_axis(every)
     layout["shapes"], layout["annotations"] = _across(lines, log)
-    return {"data": [_distribution(m, palette[m["name"]], log) for m in methods], "layout": layout}
+    return {"data": [_distribution(m, palette[m.name], log) for m in methods], "layout": layout}
 
 
-def _distribution(method: Mapping[str, Any], colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
-    name = style.plain(method["name"])
-    values = np.array(method["sorted"]["cost"], dtype=float)
+def _distribution(method: MethodRuns, colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
+    name = style.plain(method.name)
+    values = np.array(_sorted(method).cost, dtype=float)
     trace = {
         "name": name,
         "x": [name] * len(values),
@@ -51,19 +52,19 @@ def _distribution(method: Mapping[str, Any], colour: tuple[str, str, str], log: 
     return trace | shape | {"type": "violin", "width": 0.8, "jitter": 0.3, "hoveron": "points"}
 
 
-def means_figure(title: str, means: Mapping[str, Mapping[str, Any]]) -> Figure:
+def means_figure(title: str, means: Mapping[str, RunsSummary]) -> Figure:
     """Means with 95 % intervals (Student's t): bars from zero, or points on an own scale where bars would look alike."""
     palette = colours(list(means))
-    shown = {m: s for m, s in means.items() if np.isfinite(s["mean"])}
-    values = np.array([s["mean"] for s in shown.values()])
+    shown = {m: s for m, s in means.items() if np.isfinite(s.mean)}
+    values = np.array([s.mean for s in shown.values()])
     bars = len(values) > 0 and values.min() >= 0 and (values.max() == values.min() or values.max() > CLOSE * values.min())
     data = []
     for m, s in shown.items():
-        low, high = s["t_interval"] if np.isfinite(s["t_interval"][0]) else (s["mean"], s["mean"])
+        low, high = s.t_interval if np.isfinite(s.t_interval[0]) else (s.mean, s.mean)
         colour = palette[m][0]
-        error = {"type": "data", "symmetric": False, "array": [high - s["mean"]], "arrayminus": [s["mean"] - low], "thickness": 1.5}
+        error = {"type": "data", "symmetric": False, "array": [high - s.mean], "arrayminus": [s.mean - low], "thickness": 1.5}
         hover = f"{style.plain(m)}: %{{y:.6~g}}<extra></extra>"
-        base = {"x": [style.plain(m)], "y": style.numbers(np.array([s["mean"]])), "hovertemplate": hover}
+        base = {"x": [style.plain(m)], "y": style.numbers(np.array([s.mean])), "hovertemplate": hover}
         if bars:
             look = {"type": "bar", "marker": {"color": palette[m][1], "line": {"color": colour, "width": 1.5}}, "width": 0.6}
         else:
@@ -75,30 +76,34 @@ def means_figure(title: str, means: Mapping[str, Mapping[str, Any]]) -> Figure:
     return {"data": data, "layout": layout}
 
 
-def sorted_figure(methods: Sequence[Mapping[str, Any]]) -> Figure:
+def sorted_figure(methods: Sequence[MethodRuns]) -> Figure:
     """Final costs of each method, sorted: the share of its runs that ended at or below a cost."""
-    palette = colours([m["name"] for m in methods])
+    palette = colours([m.name for m in methods])
     data = []
     for m in methods:
-        colour, _, dash = palette[m["name"]]
-        few = len(m["sorted"]["cost"]) <= MARKERS_UP_TO
+        colour, _, dash = palette[m.name]
+        few = len(_sorted(m).cost) <= MARKERS_UP_TO
         data.append(
             {
                 "type": "scatter",
                 "mode": "lines+markers" if few else "lines",
-                "name": style.plain(m["name"]),
-                "x": style.numbers(100 * np.array(m["sorted"]["rank"]), 4),
-                "y": style.numbers(np.array(m["sorted"]["cost"]), 8),
+                "name": style.plain(m.name),
+                "x": style.numbers(100 * np.array(_sorted(m).rank), 4),
+                "y": style.numbers(np.array(_sorted(m).cost), 8),
                 "line": {"color": colour, "width": 2, "dash": dash},
                 "marker": {"size": 5},
-                "hovertemplate": "%{x:.3~g} % of runs at or below %{y:.6~g}<extra>" + style.plain(m["name"]) + "</extra>",
+                "hovertemplate": "%{x:.3~g} % of runs at or below %{y:.6~g}<extra>" + style.plain(m.name) + "</extra>",
             }
         )
-    every = np.concatenate([np.array(m["sorted"]["cost"], dtype=float) for m in methods])
+    every = np.concatenate([np.array(_sorted(m).cost, dtype=float) for m in methods])
     layout = style.layout(300, showlegend=len(methods) > 1, hovermode="closest")
     layout["xaxis"] = style.axis("runs of the method, best first [%]", range=[0, 101])
     layout["yaxis"] = _cost_axis(every)
     return {"data": data, "layout": layout}
+
+
+def _sorted(method: MethodRuns) -> SortedCosts:
+    return method.sorted or SortedCosts(rank=[], cost=[])
 
 
 def _wide(costs: np.ndarray) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.findings.results.tuned_controller import LoopWishes
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
@@ -36,14 +37,14 @@ def _span(bands: list[Mapping[str, np.ndarray]]) -> list[float]:
     return [low - room, high + room]
 
 
-def loop_figure(found: Mapping[str, Curves], wishes: Mapping[str, Any], output: str, input_: str, plants: str) -> Figure:
+def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, input_: str, plants: str) -> Figure:
     """Output and input after a step of the set point, then of load: one column for each tuning."""
     columns, height = _columns(len(found)), 2 * PANEL + GAP
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     data, notes = [], []
     cut = PANEL / height
-    start, level = wishes["set_point"] - wishes["step"], wishes["set_point"]
-    room = 0.5 * abs(wishes["step"])
+    start, level = wishes.set_point - wishes.step, wishes.set_point
+    room = 0.5 * abs(wishes.step)
     seen = [c["y"][k] for c in found.values() for k in ("low", "high")]
     low, high = (float(f([np.nanquantile(v, q) for v in seen])) for f, q in ((min, 0.0), (max, 1.0)))
     span = [max(low, min(start, level) - 2 * room) - 0.1 * room, min(high, max(start, level) + 2 * room) + 0.2 * room]

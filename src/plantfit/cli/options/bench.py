@@ -1,12 +1,11 @@
-"""The commands at the bench, `plantfit excite`, `record`, `track` and `rig`: what they take."""
+"""The commands at the bench: what they take, and their lines in `plantfit --help`."""
 
 from typing import Annotated
 
 import typer
 
-from plantfit.study.store.addresses import STORE, VARIABLE
-
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON value for scripts, nothing else, on standard output.")]
+from plantfit.cli.options.shared import FitWorkers, Given, Json, StorePlace
+from plantfit.study.store.addresses import STORE
 
 
 def excite(
@@ -83,7 +82,7 @@ def record(
 
 
 def track(
-    given: Annotated[str, typer.Argument(help="The study file (TOML), or the number or name of a stored study.")],
+    given: Given,
     recording: Annotated[str, typer.Option("--recording", "-r", help="The measurements, with the study's columns; - for standard input.")],
     follow: Annotated[bool, typer.Option("--follow", help="The file grows: wait for more rows until Ctrl-C, or as --idle says.")] = False,
     idle: Annotated[str | None, typer.Option("--idle", help="End when nothing has come for so long, as in 30s.")] = None,
@@ -97,8 +96,8 @@ def track(
     like: Annotated[
         str | None, typer.Option("--like", help="The recording of the study whose columns it has; the first if left out.")
     ] = None,
-    store: Annotated[str, typer.Option("--store", envvar=VARIABLE, help="Study database.")] = STORE,
-    workers: Annotated[str | None, typer.Option("--workers", help="Worker processes, if the study has to be fitted first.")] = None,
+    store: StorePlace = STORE,
+    workers: FitWorkers = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite --out if it is there.")] = False,
     json: Json = False,
 ) -> None:
@@ -141,3 +140,11 @@ def rig(
     asked = {"seed": seed, "duration": duration, "period": period, "excitation": excitation, "without": without or []}
     asked["controller"] = controller
     command.record(name, settings or [], asked, out, {"study": study, "exact": exact, "force": force}, json)
+
+
+COMMANDS = {
+    "excite": (excite, "Make a signal that excites a plant, within limits"),
+    "record": (record, "Play such a signal on a board and record its answer"),
+    "track": (track, "Follow states and parameters on line, with an alarm"),
+    "rig": (rig, "Record a virtual plant whose constants are known"),
+}

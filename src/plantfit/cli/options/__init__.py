@@ -1,0 +1,1 @@
+"""What each command takes, and its line in `plantfit --help`: a file for each section of it; the work is in `cli/commands/`."""

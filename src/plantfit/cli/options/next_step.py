@@ -1,0 +1,126 @@
+"""The commands that use a fitted plant: what they take, and their lines in `plantfit --help`."""
+
+from typing import Annotated
+
+import typer
+
+from plantfit.cli.options.shared import FinishedSpec, Json, StorePlace, StudyNumber
+from plantfit.study.store.addresses import STORE
+
+
+def design(
+    spec: FinishedSpec,
+    input_: Annotated[
+        list[str] | None, typer.Option("--input", help="From where to where an input may go: u=0..100; as recorded if left out (repeat).")
+    ] = None,
+    limit: Annotated[
+        list[str] | None, typer.Option("--limit", help="Keep an output or a state within: 'T=20..80 degC', T=..80 (repeat).")
+    ] = None,
+    slew: Annotated[list[str] | None, typer.Option("--slew", help="Fastest change of an input per second: u=5 (repeat).")] = None,
+    duration: Annotated[str | None, typer.Option("--duration", help="Length of the new recording, as in 10min.")] = None,
+    rate: Annotated[str | None, typer.Option("--rate", help="Samples a second, as in 100Hz.")] = None,
+    hold: Annotated[str | None, typer.Option("--hold", help="Shortest time that a level lasts, as in 5s.")] = None,
+    for_: Annotated[str | None, typer.Option("--for", help="Parameters that shall become certain, as in tau,K; all if left out.")] = None,
+    criterion: Annotated[str, typer.Option("--criterion", help="D: the ellipsoid of all errors; A: their mean square.")] = "D",
+    against: Annotated[
+        str | None, typer.Option("--against", help="Study file of another model: the input then tells which one is right.")
+    ] = None,
+    alone: Annotated[bool, typer.Option("--alone", help="The new recording counts alone, without those of the study.")] = False,
+    noise: Annotated[list[str] | None, typer.Option("--noise", help="Standard deviation of an output's noise: y=0.1 (repeat).")] = None,
+    draws: Annotated[int, typer.Option("--draws", help="Other plants that the data allow, on which the input has to serve.")] = 8,
+    budget: Annotated[int, typer.Option("--budget", help="Inputs to try.")] = 3000,
+    seed: Annotated[int, typer.Option("--seed", help="Same seed, same input.")] = 1,
+    study: StudyNumber = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the input goes; NAME-next.csv if left out.")] = None,
+    page: Annotated[str | None, typer.Option("--page", help="Where the page goes; beside the input if left out.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the CSV file if it is there.")] = False,
+    store: StorePlace = STORE,
+    json: Json = False,
+) -> None:
+    """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for `record`, and a page."""
+    from plantfit.cli.commands.design import next_experiment as command
+
+    limits = {"inputs": input_ or [], "limits": limit or [], "slew": slew or [], "noise": noise or []}
+    asked = {
+        "duration": duration, "rate": rate, "hold": hold, "criterion": criterion, "alone": alone, "draws": draws, "budget": budget,
+        "seed": seed,
+    }  # fmt: skip
+    command.design(spec, limits, for_, asked, against, study, out, page, force, store, json)
+
+
+def tune(
+    spec: Annotated[str, typer.Argument(help="The study file (TOML) of a finished study; its [control] table says what is wanted.")],
+    set_point: Annotated[
+        list[str] | None, typer.Option("--set-point", help='Where the output goes, as in "T1=60 degC", or "60 degC" of the only output.')
+    ] = None,
+    step: Annotated[str | None, typer.Option("--step", help="The change that ends at the set point, in the output's unit.")] = None,
+    load: Annotated[str | None, typer.Option("--load", help="A step of load at the plant's input, in its unit.")] = None,
+    output: Annotated[str | None, typer.Option("--output", help="The output that is controlled.")] = None,
+    input_: Annotated[str | None, typer.Option("--input", help="The input that is driven.")] = None,
+    controller: Annotated[str | None, typer.Option("--controller", help="pid, pi, lqi (LQ servo with a filter) or mpc.")] = None,
+    period: Annotated[str | None, typer.Option("--period", help="Sample time of the controller, as in 0.5s.")] = None,
+    lower: Annotated[str | None, typer.Option("--lower", help="Lowest input of the actuator.")] = None,
+    upper: Annotated[str | None, typer.Option("--upper", help="Highest input of the actuator.")] = None,
+    rate: Annotated[str | None, typer.Option("--rate", help="Fastest change of the input, as in 10%/s.")] = None,
+    output_lower: Annotated[str | None, typer.Option("--output-lower", help="Least output that is allowed.")] = None,
+    output_upper: Annotated[str | None, typer.Option("--output-upper", help="Largest output that is allowed.")] = None,
+    prediction: Annotated[str | None, typer.Option("--prediction", help="mpc: how far its plan looks ahead, as in 40s.")] = None,
+    overshoot: Annotated[float | None, typer.Option("--overshoot", help="Percent that the output may go beyond the set point.")] = None,
+    ms: Annotated[float | None, typer.Option("--ms", help="Largest sensitivity Ms.")] = None,
+    share: Annotated[float | None, typer.Option("--share", help="Share of the plants that has to keep both, 0 to 1.")] = None,
+    horizon: Annotated[str | None, typer.Option("--horizon", help="Seconds of step and load together.")] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", help='Plants within "tau=10 %" or "L=2 s" of the best fit, in place of those that the data allow.'),
+    ] = None,
+    plants: Annotated[int | None, typer.Option("--plants", help="Plants that judge the controller.")] = None,
+    budget: Annotated[int, typer.Option("--budget", help="Controllers to try.")] = 400,
+    seed: Annotated[int, typer.Option("--seed", help="Same seed, same answer.")] = 1,
+    study: StudyNumber = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the page goes; NAME-tune.html if left out.")] = None,
+    c: Annotated[str | None, typer.Option("--c", help="Folder for the C files; that of the page if left out.")] = None,
+    store: StorePlace = STORE,
+    json: Json = False,
+) -> None:
+    """A PID, LQI or MPC from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
+    from plantfit.cli.commands.design import tune_controller as command
+
+    wishes = {
+        "step": step, "load": load, "output": output, "input": input_, "controller": controller, "period": period, "lower": lower,
+        "upper": upper, "overshoot": overshoot, "ms": ms, "share": share, "horizon": horizon, "plants": plants, "rate": rate,
+        "output_lower": output_lower, "output_upper": output_upper, "prediction": prediction,
+    }  # fmt: skip
+    command.tune(spec, set_point or [], wishes, tolerance or [], budget, seed, study, out, c, store, json)
+
+
+def export(
+    study: Annotated[
+        str | None, typer.Argument(help="The study file (TOML) whose plant is exported; a number of `plantfit list` without --to.")
+    ] = None,
+    to: Annotated[str | None, typer.Option("--to", help="python, c, casadi, control, matlab, csv, fmu or arviz.")] = None,
+    recording: Annotated[
+        str | None, typer.Option("--recording", help="Whose first values the plant begins at; the first recording if left out.")
+    ] = None,
+    number: Annotated[
+        int | None, typer.Option("--study", help="With --to: number of the study; the newest of that name if left out.")
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Without --to: the study as JSON; with --to: print the names of the files as JSON.")
+    ] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Without --to: the study as Parquet.")] = False,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="With --to the folder, else the file to write.")] = None,
+    store: StorePlace = STORE,
+) -> None:
+    """Write the plant of a finished study for another program (--to); without --to the study itself, as `export-study` does."""
+    from plantfit.cli.commands.design import export_plant as command
+
+    if to is None:
+        return command.export_study(study, json, parquet, out, store)
+    command.export(study, to, recording, number, json, out, store)
+
+
+COMMANDS = {
+    "design": (design, "The input to record next, within limits"),
+    "tune": (tune, "A controller for every plant that the data allow"),
+    "export": (export, "The plant for Python, C, CasADi, MATLAB and others"),
+}
