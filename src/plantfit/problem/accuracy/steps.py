@@ -7,7 +7,7 @@ equal steps.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -333,8 +333,14 @@ def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
     times q / (q - 1) with q = 2 ** order."""
     simulator = problem.predictor.stepping()
     q = 2.0 ** STEPPERS[simulator.stepper].order
-    fine = problem.with_simulator(simulator.refined(2))
+    fine = _halved(problem)
     return (_residuals(problem, z) - residuals_alone(fine, z)) * q / (q - 1.0)
+
+
+@lru_cache(maxsize=1)  # asked for at one point after the other, and its numbers are put on the device once
+def _halved(problem: Problem) -> Problem:
+    """The problem with steps of half the length."""
+    return problem.with_simulator(problem.predictor.stepping().refined(2))
 
 
 def _residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
@@ -398,7 +404,7 @@ def _slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], side
     width = DELAY_SHARE * (problem.space.upper - problem.space.lower)[list(places)]
     simulator = problem.predictor.stepping()
     q = 2.0 ** STEPPERS[simulator.stepper].order
-    fine = problem.with_simulator(simulator.refined(2))
+    fine = _halved(problem)
 
     def slope(steps: Problem, side: float) -> np.ndarray:
         moved = values.copy()

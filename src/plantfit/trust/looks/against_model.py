@@ -7,14 +7,13 @@ import numpy as np
 
 from plantfit import units
 from plantfit.models.model import Model
+from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.measure.experiment import Experiment, before_in_units
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
 from plantfit.trust.validate.residual_tests import white_part
-
-import jax
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
@@ -141,7 +140,7 @@ def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
     seconds = float(recording.t[min(moves, default=len(recording)) - 1] - recording.t[0])
-    derivative = jax.jit(model.derivative)
+    derivative = Kept(model.derivative, "derivative", lambda: described(model))
     for p, x in _beginnings(problem, model, recording):
         u = _first_inputs(model, recording)
         late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
