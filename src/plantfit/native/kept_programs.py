@@ -79,8 +79,12 @@ def _named(function: Callable, name: str) -> Callable:
 @cache
 def _sources() -> bytes:
     """The text of plantfit, by size and time of every file."""
-    root = Path(plantfit.__file__).parent
-    return repr(sorted((str(f.relative_to(root)), s.st_size, s.st_mtime_ns) for f in root.rglob("*.py") for s in [f.stat()])).encode()
+    root = os.path.dirname(plantfit.__file__)
+    found = []
+    for folder, _, names in os.walk(root):
+        files = [(name, os.stat(os.path.join(folder, name))) for name in names if name.endswith(".py")]
+        found += [(os.path.join(folder[len(root) :], name), s.st_size, s.st_mtime_ns) for name, s in files]
+    return repr(sorted(found)).encode()
 
 
 @cache
