@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.cli.terminal.out import plain
 from plantfit.control.tune import OneLoop, Wishes
 from plantfit.control.tune.reduction import reduced
-from plantfit.control.tune.told import _settings
+from plantfit.control.tune.told import settings
 from plantfit.control.tune.weights.plan_weights import PlanShape
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.models.model import Model
@@ -30,7 +30,7 @@ def tuned_file(
         plan, given = {"moves": shape.lengths}, shape.predictive(*weights)
     record = {
         "output": {"name": output, "unit": units[0]}, "input": {"name": input_, "unit": units[1]}, "wishes": wishes.__dict__,
-        "controllers": [_settings(given)], "plan": plan,
+        "controllers": [settings(given)], "plan": plan,
     }  # fmt: skip
     file = folder / f"{wishes.controller}-tune.json"
     file.write_text(json.dumps(plain(record), allow_nan=False))

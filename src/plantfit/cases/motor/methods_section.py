@@ -31,6 +31,8 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     ]
     scales = found.problem.scales
     counts = {m.name: m.runs for m in methods}
+    final = {m.name: m.sorted.cost for m in methods if m.sorted}
+    ends = [record.parallel] if record.parallel else []
     told = [s.sentence for k, s in enumerate(record.sentences) if k == 0 or s.level != "info"]
     return {
         "title": "The paper's objective and the genetic algorithm",
@@ -55,9 +57,9 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
         "figures": [
             {"figure": _over_time(found), "label": f"e1 and e2 over the first {SHOWN:g} s: best run of the genetic algorithm and truth "
                                                    "(the paper's figures 15 and 16)"},
-            {"figure": distribution_figure(methods, {"J at the truth": found.truth}), "label": "J at the end of every run"},
+            {"figure": distribution_figure(final, {"J at the truth": found.truth}), "label": "J at the end of every run"},
             {"figure": quartiles_figure(record.convergence, counts, "evaluations", "evaluations"), "label": "J against evaluations"},
-            {"figure": parallel_figure(record.parallel, list(found.results)), "label": "Where the runs ended between the bounds"},
+            *({"figure": parallel_figure(p, list(found.results)), "label": "Where the runs ended between the bounds"} for p in ends),
         ],
     }  # fmt: skip
 

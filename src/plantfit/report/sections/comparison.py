@@ -76,18 +76,19 @@ def section(problem: ProblemComparison, drawings: Drawings, whole: bool = True) 
 
 def _cost_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -> dict[str, Any]:
     methods = problem.methods
-    ended = [m for m in methods if m.sorted and m.sorted.cost]
+    final = {m.name: m.sorted.cost for m in methods if m.sorted and m.sorted.cost}
+    ended = [m for m in methods if m.name in final]
     named = {name: v for name, v in (("noise floor", problem.floor), ("known optimum", problem.optimum)) if v is not None}
     distribution = means = ordered = None
     if ended:
         label = "Distribution of the final costs of each method, with runs as points."
-        distribution = drawings.add(costs.distribution_figure(ended, named), label)
+        distribution = drawings.add(costs.distribution_figure(final, named), label)
         if whole:
             ordered = drawings.add(costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted.")
     if len(ended) > 1:
         means = [_means(of, title, ended, drawings) for title, of in MEANS.items()]
     most = max((m.runs for m in methods), default=0)
-    drawn = len(ended[0].sorted.cost) if ended and ended[0].sorted else 0
+    drawn = len(final[ended[0].name]) if ended else 0
     note = f" Of more than {drawn} runs every k-th in order of cost is drawn." if ended and most > 400 else ""
     return {
         "distribution": distribution,
@@ -98,7 +99,8 @@ def _cost_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -
 
 
 def _means(of: Callable[[MethodRuns], RunsSummary], title: str, methods: Sequence[MethodRuns], drawings: Drawings) -> dict[str, Any]:
-    figure = costs.means_figure(title, {m.name: of(m) for m in methods})
+    found = {m.name: of(m) for m in methods}
+    figure = costs.means_figure(title, {name: (s.mean, s.t_interval) for name, s in found.items()})
     return drawings.add(figure, f"{title} of each method with its interval.")
 
 

@@ -69,7 +69,7 @@ def residual_figure(recording: Recording, torques: Mapping[str, np.ndarray], aga
 
 def bars_figure(title: str, values: Mapping[str, np.ndarray]) -> Figure:
     """Figures 6 and 7: means with their 95 % intervals, mean +- 1.96 SEM."""
-    return means_figure(title, {n: {"mean": float(np.mean(v)), "t_interval": normal_interval(v)} for n, v in values.items()})
+    return means_figure(title, {n: (float(np.mean(v)), normal_interval(v)) for n, v in values.items()})
 
 
 def parameters_figure(runs: Sequence[MethodRuns], space: Space, truth: Mapping[str, float]) -> Figure:

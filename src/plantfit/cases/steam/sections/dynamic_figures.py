@@ -23,7 +23,7 @@ SCALE = ((0.0, "#10305c"), (0.35, "#2a7a9b"), (0.7, "#7cc4a0"), (1.0, "#f6efb2")
 
 def box_figure(methods: Sequence[MethodRuns], lines: Mapping[str, float]) -> Figure:
     """Figure 3: final costs of all runs of each method; `lines` are costs drawn across."""
-    found = distribution_figure([{"name": m.label, "sorted": {"cost": np.sort(m.costs).tolist()}} for m in methods], lines)
+    found = distribution_figure({m.label: np.sort(m.costs).tolist() for m in methods}, lines)
     found["layout"]["yaxis"]["title"]["text"] = "final cost C [bar²]"
     found["layout"]["height"] = 460
     return found

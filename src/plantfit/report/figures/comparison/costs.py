@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.findings.results.methods_compared import MethodRuns, RunsSummary, SortedCosts
+from plantfit.findings.results.methods_compared import MethodRuns, SortedCosts
 from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
@@ -21,21 +21,21 @@ def colours(methods: Sequence[str]) -> dict[str, tuple[str, str, str]]:
     return {m: (style.SERIES[k % 6], style.BANDS[k % 6], DASHES[k // 6 % 4]) for k, m in enumerate(methods)}
 
 
-def distribution_figure(methods: Sequence[MethodRuns], lines: Mapping[str, float]) -> Figure:
-    """Violin (or box, for few runs and for costs over decades) with the runs as points; `lines` are named costs drawn across."""
-    every = np.concatenate([np.array(_sorted(m).cost, dtype=float) for m in methods])
+def distribution_figure(costs: Mapping[str, Sequence[float]], lines: Mapping[str, float]) -> Figure:
+    """Final costs by method: violin (or box, for few runs and for costs over decades) with the runs as points; `lines` are named
+    costs drawn across."""
+    every = np.concatenate([np.array(own, dtype=float) for own in costs.values()])
     log = _wide(every)
-    palette = colours([m.name for m in methods])
+    palette = colours(list(costs))
     layout = style.layout(390, violingap=0.25, boxgap=0.5)
     layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK})
     layout["yaxis"] = _cost_axis(every)
     layout["shapes"], layout["annotations"] = _across(lines, log)
-    return {"data": [_distribution(m, palette[m.name], log) for m in methods], "layout": layout}
+    return {"data": [_distribution(m, np.array(own, dtype=float), palette[m], log) for m, own in costs.items()], "layout": layout}
 
 
-def _distribution(method: MethodRuns, colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
-    name = style.plain(method.name)
-    values = np.array(_sorted(method).cost, dtype=float)
+def _distribution(method: str, values: np.ndarray, colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
+    name = style.plain(method)
     trace = {
         "name": name,
         "x": [name] * len(values),
@@ -52,19 +52,19 @@ def _distribution(method: MethodRuns, colour: tuple[str, str, str], log: bool) -
     return trace | shape | {"type": "violin", "width": 0.8, "jitter": 0.3, "hoveron": "points"}
 
 
-def means_figure(title: str, means: Mapping[str, RunsSummary]) -> Figure:
-    """Means with 95 % intervals (Student's t): bars from zero, or points on an own scale where bars would look alike."""
+def means_figure(title: str, means: Mapping[str, tuple[float, tuple[float, float]]]) -> Figure:
+    """Means with 95 % intervals (not finite where there is none): bars from zero, or points on an own scale where bars would look alike."""
     palette = colours(list(means))
-    shown = {m: s for m, s in means.items() if np.isfinite(s.mean)}
-    values = np.array([s.mean for s in shown.values()])
+    shown = {m: own for m, own in means.items() if np.isfinite(own[0])}
+    values = np.array([mean for mean, _ in shown.values()])
     bars = len(values) > 0 and values.min() >= 0 and (values.max() == values.min() or values.max() > CLOSE * values.min())
     data = []
-    for m, s in shown.items():
-        low, high = s.t_interval if np.isfinite(s.t_interval[0]) else (s.mean, s.mean)
+    for m, (mean, interval) in shown.items():
+        low, high = interval if np.isfinite(interval[0]) else (mean, mean)
         colour = palette[m][0]
-        error = {"type": "data", "symmetric": False, "array": [high - s.mean], "arrayminus": [s.mean - low], "thickness": 1.5}
+        error = {"type": "data", "symmetric": False, "array": [high - mean], "arrayminus": [mean - low], "thickness": 1.5}
         hover = f"{style.plain(m)}: %{{y:.6~g}}<extra></extra>"
-        base = {"x": [style.plain(m)], "y": style.numbers(np.array([s.mean])), "hovertemplate": hover}
+        base = {"x": [style.plain(m)], "y": style.numbers(np.array([mean])), "hovertemplate": hover}
         if bars:
             look = {"type": "bar", "marker": {"color": palette[m][1], "line": {"color": colour, "width": 1.5}}, "width": 0.6}
         else:
