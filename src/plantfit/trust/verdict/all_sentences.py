@@ -64,7 +64,7 @@ def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     if refused and "refused" not in best.extra:
         where = refused[0].removeprefix("The answer is refused: ")
         which = "A run" if len(refused) == 1 else f"{len(refused)} runs"
-        text = f"{which} ended in an answer that exists in the integrator only and was passed over: {where}"
+        text = f"{which} found an answer that is an artefact of coarse steps, and it was left out: {where}"
         yield say("warning", text, refused=len(refused))
     if told := best.extra.get("steps"):
         yield say("warning" if "still" in told else "info", told)
