@@ -10,7 +10,7 @@ from plantfit.trust.intervals.ranges import effective_samples
 
 LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which all starts are equal
 WALKERS = 128  # at least, and four for each coordinate
-SWEEPS, BETWEEN = 60, 20  # moves of each walker before the first draws are taken, and between those and the next
+SWEEPS, BETWEEN = 100, 20  # moves of each walker before the first draws are taken, and between those and the next
 FEW = 2  # times as many different starts as coordinates are needed
 
 
