@@ -25,13 +25,15 @@ POOL = 1000  # candidates of both kinds that walkers begin at
 @dataclass(frozen=True)
 class Plausible:
     """`values` (n, d) in the parameters' units, the answer itself first; `open` names what the data leave open, `accepted` is the
-    share of the linearised draws whose cost the data allow (1 where nothing is open); `scatters` what also differs between recordings."""
+    share of the linearised draws whose cost the data allow (1 where nothing is open); `scatters` what also differs between recordings,
+    `by_likelihood` whether the likelihood was followed, not the covariance."""
 
     names: tuple[str, ...]
     values: np.ndarray
     open: tuple[str, ...]
     accepted: float
     scatters: tuple[str, ...] = ()
+    by_likelihood: bool = False
 
 
 def plausible(
@@ -141,6 +143,7 @@ def plausible(
         tuple(n for n, w in zip(space.names, wide, strict=True) if w),
         accepted,
         tuple(n for n, s in zip(space.names, scatters, strict=True) if s),
+        bool(np.any(wide | loose)),
     )
 
 
