@@ -19,6 +19,7 @@ from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
 WIDE = 0.5  # of a value: a standard error above it is no bell's
+LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which draws of what is open are kept where no walk begins
 POOL = 1000  # candidates of both kinds that walkers begin at
 
 
@@ -46,7 +47,9 @@ def plausible(
     another recording: the scatter is added, with its own correlations, and the tails are those of Student's t of so few recordings; with
     `within` they are cut where 95 % of each parameter lie. Where one is known roughly or not at all (status "weak", no standard error, or
     one above half of its value), all are drawn by the likelihood between the bounds of the search (`kinds/likelihood_draws.py`); what
-    stated errors and scatter add comes on top.
+    stated errors and scatter add comes on top. Tables, more than 60 coordinates and residuals worth too few independent samples give no
+    likelihood: what is open is drawn evenly over the range of the findings then, all others moved with it as the linearised problem says,
+    and a draw is kept where its cost is one that draws of the determined parts have too.
     Physical limits cut both. Raises SearchError where hardly a draw is left.
     """
     space, rng = problem.space, np.random.default_rng(seed)
@@ -108,18 +111,17 @@ def plausible(
         return found[inside]
 
     kept, accepted = np.zeros((0, len(values))), 1.0
-    if np.any(wide | loose):
+    walks = bool(np.any(wide | loose)) and local.linear is not None and local.linear.sound
+    found = None
+    if walks:
         even = drawn(POOL, False)  # over all of the box too: the straight line of the linearised problem leaves a bent valley
         for i in np.flatnonzero(wide | loose):
             a, b = max(space.coordinates[i].lower, hard[i, 0]), min(space.coordinates[i].upper, hard[i, 1])
             place = rng.uniform(size=len(even))
             even[:, i] = a * (b / a) ** place if log[i] and a > 0 else a + (b - a) * place
         found = by_likelihood(problem, z, local, drawn(100, False), np.concatenate([drawn(POOL, True), even]), log, count, rng)
-        if found is None:
-            raise SearchError(
-                f"Of {2 * POOL} draws of the parameters hardly one can be simulated within the bounds of the search; the ranges of "
-                f"{_few(space.names, wide | loose)} are too wide. Hold one of them at a known value, or record again."
-            )
+    walks = found is not None
+    if found is not None:
         kept, accepted = found
         stated = [bool((own.get(n, {}).get("uncertainty") or {}).get("combined")) for n in space.names]
         beside = np.sqrt(np.maximum(error**2 - (local.standard_error / size) ** 2, 0.0)) * (np.array(stated) | scatters)
@@ -128,22 +130,31 @@ def plausible(
             far = np.where(log, kept * np.exp(np.clip(move, -50, 50)), kept + move)
             inside = np.all((far >= hard[:, 0]) & (far <= hard[:, 1]) & (np.abs(move) <= farthest), axis=1)
             kept = np.where(inside[:, None], far, kept)
+    tried, filtered = 0, bool(np.any(wide)) and not walks
+    most = _allowed(problem, space, z, drawn(100, False)) if filtered else np.inf
     for _ in range(ROUNDS):
         if len(kept) >= count:
             break
-        kept = np.concatenate([kept, drawn(max(count, 64), True)])
+        new = drawn(max(count, 64), True)
+        tried += len(new)
+        if filtered and len(new):
+            new = new[_costs(problem, space, new) <= most]
+        kept = np.concatenate([kept, new])
     if len(kept) < count:
         raise SearchError(
-            f"Of {ROUNDS * max(count, 64)} draws of the parameters {len(kept)} are within physical limits; the answer lies too near to "
-            "them. Hold a parameter that is at its limit at a known value, or record again."
+            f"Of {tried} draws of the parameters {len(kept)} have a cost that the data allow; the ranges of "
+            f"{_few(space.names, wide)} are too wide "
+            "and too bent to draw from. Hold one of them at a known value, or record again."
         )
+    if filtered:
+        accepted = min(1.0, len(kept) / tried)
     return Plausible(
         space.names,
         np.concatenate([values[None], kept[:count]]),
         tuple(n for n, w in zip(space.names, wide, strict=True) if w),
         accepted,
         tuple(n for n, s in zip(space.names, scatters, strict=True) if s),
-        bool(np.any(wide | loose)),
+        walks,
     )
 
 
@@ -182,3 +193,19 @@ def _followers(problem: Problem, z: np.ndarray, size: np.ndarray, wide: np.ndarr
         found[others, k] = -np.linalg.lstsq(j[:, others], j[:, k], rcond=1e-8)[0]
         found[k, k] = 1.0
     return found
+
+
+def _costs(problem: Problem, space: Any, values: np.ndarray) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        cube = np.nan_to_num(space.cube(values), nan=0.5)
+    return np.nan_to_num(np.asarray(problem.costs(cube)), nan=np.inf)
+
+
+def _allowed(problem: Problem, space: Any, z: np.ndarray, determined: np.ndarray) -> float:
+    """The cost up to which draws count: what errors of the determined parameters alone cost, at least that of a parameter's 95 %."""
+    here = float(problem.cost(np.asarray(z)))
+    samples = sum(len(e.recording) for e in problem.experiments.values())
+    least = here * (1.0 + 4.0 / max(samples, 1))
+    if not len(determined):
+        return least
+    return max(least, float(np.quantile(_costs(problem, space, determined), LIKE)))
