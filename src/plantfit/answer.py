@@ -191,7 +191,7 @@ class Answer:
     ) -> dict[str, Band]:
         """Where every output lies over a recording (as `predict` takes it) at `level`, for all parameters that the data allow.
 
-        `draws` plants are drawn from the covariance of the answer and over the ranges of what the data leave open; readings scatter
+        `draws` plants are drawn from the covariance of the answer or by the likelihood where they leave something open; readings scatter
         about them as the residuals of the fit do. Where recordings of the plant scatter, the plants are those of another recording (the
         parameters with "scatter" in the findings). Same seed, same bands. Raises what `predict` raises, SpaceError for a level or a number
         of draws that cannot be, and SearchError where hardly a draw is a plant.

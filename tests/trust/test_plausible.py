@@ -47,3 +47,15 @@ def test_what_only_a_product_determines_is_drawn_along_it():
     np.testing.assert_allclose(a * b, best, rtol=0.05)
     costs = np.asarray(answer.problem.costs(answer.problem.space.cube(drawn.values)))
     assert np.max(costs) < 1.15 * costs[0]
+
+
+def test_what_is_determined_is_drawn_from_the_covariance_alone(monkeypatch):
+    """No walk begins: `plausible` is as quick as before and has the same bits."""
+    bounds = {"K": pf.Parameter((0.1, 10.0), scale="log"), "tau": pf.Parameter((1.0, 50.0), scale="log")}
+    answer = answered("x' = (K*u - x)/tau\ny = x", ["K", "tau"], bounds, 0.1)
+    rows = answer.findings["parameters"]
+    before = plausible(answer.problem, answer.best.x, rows, 50, seed=2)
+    monkeypatch.setattr("plantfit.trust.intervals.plausible.by_likelihood", lambda *a: pytest.fail("walked"))
+    np.testing.assert_array_equal(plausible(answer.problem, answer.best.x, rows, 50, seed=2).values, before.values)
+    with pytest.raises(pytest.fail.Exception, match="walked"):
+        plausible(answer.problem, answer.best.x, [{**r, "status": "weak"} for r in rows], 50, seed=2)

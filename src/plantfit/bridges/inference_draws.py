@@ -16,8 +16,10 @@ def inference_draws(answer: Answer, name: str) -> dict[str, str | bytes]:
     problem = answer.problem
     found = plausible(problem, np.asarray(answer.best.x), answer.findings["parameters"], DRAWS, SEED)
     values = found.values[1:]  # the first is the answer itself
-    how = "Plants that the data allow: drawn from the covariance of the answer" + (
-        f", {', '.join(found.open)} evenly over the range that the data leave open." if found.open else "."
+    how = "Plants that the data allow: drawn " + (
+        "by the likelihood, with flat priors between the bounds of the search."
+        if found.by_likelihood
+        else "from the covariance of the answer."
     )
     if found.scatters:
         how += f" Recordings scatter in {', '.join(found.scatters)}; the plants are those of another recording."
