@@ -1,9 +1,11 @@
 """Programs that outlive the process: found again without tracing, with the same bits; never where something else is compiled in."""
 
+import gc
 import hashlib
 import os
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +45,7 @@ OWN = os.urandom(8).hex()  # XLA's cache holds programs of earlier tests, which 
 
 def kept(function, name="f", thing=("f", 2.0)):
     test = hashlib.sha256(os.environ["PYTEST_CURRENT_TEST"].encode()).hexdigest()[:8]
-    return Kept(function, f"{name} {OWN} {test}", lambda: described(thing))
+    return Kept(function, f"{name} {OWN} {test}", described(thing))
 
 
 def problem(equation="x' = (K*u - x)/tau\ny = x", bounds=(0.1, 5.0), samples=40):
@@ -124,6 +126,24 @@ def test_functions_of_other_packages_have_no_description():
     assert described({"model": lambda x: x}) is None
     assert described({"model": os.path.join}) is None
     assert described({"numbers": np.arange(3.0), "name": "x", "function": equations}) is not None
+
+
+def test_more_data_than_a_compilation_is_worth_has_no_description(monkeypatch):
+    monkeypatch.setattr(kept_programs, "LARGEST", 10_000)
+    assert described(np.zeros(1000)) is not None
+    assert described(np.zeros(2000)) is None
+
+
+def test_a_problem_is_freed_without_the_collector_of_cycles():
+    gc.disable()
+    try:
+        own = problem()
+        own.costs(np.array([[0.4, 0.6]]))
+        gone = weakref.ref(own)
+        del own
+        assert gone() is None
+    finally:
+        gc.enable()
 
 
 def test_all_that_is_compiled_in_is_in_the_description_of_a_problem():

@@ -7,7 +7,6 @@ there is none (functions of other packages, which may change without a sign) jax
 
 import functools
 import hashlib
-import io
 import os
 import pickle
 import re
@@ -39,8 +38,8 @@ _CALLBACK = re.compile(r"@\w*callback")
 _NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
 
 
-class Foreign(Exception):
-    """Something in a description is a function or class that no fingerprint covers."""
+class NotDescribed(Exception):
+    """A description holds a function or class that no fingerprint covers, or more data than a compilation is worth."""
 
 
 class _Describer(pickle.Pickler):
@@ -49,21 +48,33 @@ class _Describer(pickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
         module = obj.__module__ if isinstance(obj, type) or callable(obj) else type(obj).__module__
         if (module or "").partition(".")[0] not in _OURS:
-            raise Foreign(module)
+            raise NotDescribed(module)
         return NotImplemented
+
+
+class _Digest:
+    """A file that is only hashed."""
+
+    def __init__(self) -> None:
+        self.hash, self.size = hashlib.sha256(_machine() + _sources()), 0
+
+    def write(self, content: Any) -> int:
+        size = memoryview(content).nbytes
+        self.size += size
+        if self.size > LARGEST:
+            raise NotDescribed("more data than a compilation is worth")
+        self.hash.update(content)
+        return size
 
 
 def described(thing: Any) -> bytes | None:
     """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none."""
-    file = io.BytesIO()
+    file = _Digest()
     try:
         _Describer(file, protocol=5).dump(thing)
     except Exception:  # whatever a pickle of the user's objects raises: it is compiled anew
         return None
-    content = file.getvalue()
-    if len(content) > LARGEST:
-        return None
-    return hashlib.sha256(_machine() + _sources() + content).digest()
+    return file.hash.digest()
 
 
 def _named(function: Callable, name: str) -> Callable:
@@ -95,9 +106,12 @@ def _machine() -> bytes:
 
 
 class Kept:
-    """`jax.jit(function)` whose programs are kept on disk. `description()` is the digest of all that the function closes over, or None."""
+    """`jax.jit(function)` whose programs are kept on disk. `description` is the digest of all that the function closes over, or None.
 
-    def __init__(self, function: Callable, name: str, description: Callable[[], bytes | None]):
+    Not the thing itself is held, which may hold this function: large arrays would then wait for the collector of cycles.
+    """
+
+    def __init__(self, function: Callable, name: str, description: bytes | None):
         functools.update_wrapper(self, function, assigned=("__name__", "__doc__"), updated=())
         self.name, self.description, self._plain = name, description, jax.jit(_named(function, name))
         self._programs: dict[Any, Callable] = {}
@@ -124,9 +138,9 @@ class Kept:
     def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
         """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot be kept."""
         folder = code_folder("programs") if _usual() and None not in shapes[1] else None
-        if folder is None or (description := self.description()) is None:
+        if folder is None or self.description is None:
             return self._plain
-        key = hashlib.sha256(repr((self.name, shapes)).encode() + description).hexdigest()
+        key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
         return _read(folder, key, args) or _made(folder, key, self._plain, args)
 
 

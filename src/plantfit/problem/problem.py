@@ -320,7 +320,7 @@ class Problem:
             given = {n: getattr(functions, n) for n in names}
             given["costs"] = partial(_or_infinite, functions.costs)
             given |= {"outputs": self.predictor.outputs, "trajectories": self.predictor.trajectories}
-            self._compiled[key] = {n: Kept(f, n, lambda: self._description) for n, f in given.items()}
+            self._compiled[key] = {n: Kept(f, n, self._description) for n, f in given.items()}
         return self._compiled[key]
 
     @cached_property

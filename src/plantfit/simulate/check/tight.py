@@ -213,7 +213,7 @@ def _compiled(simulator: Simulator) -> _Compiled:
 
     settings = simulator.vector.model, simulator.stepper, simulator.substeps, simulator.interpolated
     output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
-    return _Compiled(*(Kept(f, f"tight {name}", lambda: described(settings)) for name, f in (("record", record), ("output", output))))
+    return _Compiled(*(Kept(f, f"tight {name}", described(settings)) for name, f in (("record", record), ("output", output))))
 
 
 def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:

@@ -140,7 +140,7 @@ def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
     seconds = float(recording.t[min(moves, default=len(recording)) - 1] - recording.t[0])
-    derivative = Kept(model.derivative, "derivative", lambda: described(model))
+    derivative = Kept(model.derivative, "derivative", described(model))
     for p, x in _beginnings(problem, model, recording):
         u = _first_inputs(model, recording)
         late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
