@@ -60,7 +60,9 @@ def test_one_command_gives_record_page_and_c(place, tuned):
     assert first["Kp"] > 0
     assert first["stable"]
     assert [r["name"] for r in tuned["controllers"][2:]] == ["SIMC", "AMIGO", "lambda", "Ziegler-Nichols", "Cohen-Coon"]
-    assert re.match(r"Of 20 plants that the data allow, \d+ % overshoot under 10 % with Ms under 1.6; ", tuned["verdict"][0]["sentence"])
+    assert re.match(
+        r"Of 20 plants that the data allow, \d+ % have an overshoot under 10 % and an Ms under 1.6; ", tuned["verdict"][0]["sentence"]
+    )
     written = json.loads((place / "heater-tune.json").read_text())
     assert {k: v for k, v in tuned.items() if k != "files"} | {"made_by": "plantfit"} == written
     page = (place / "heater-tune.html").read_text("utf-8")

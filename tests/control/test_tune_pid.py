@@ -86,7 +86,10 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
     assert alone.scores.iae < design.best.scores.iae * 1.3
     told = verdict(design, {n: v for n, v in design.family.plants.items() if np.ptp(v)})
     assert told[0].level == "good"
-    assert f"{100 * design.best.share:.0f} % overshoot under 10 % with Ms under 1.6; tuned on the best fit alone: " in told[0].sentence
+    assert (
+        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit alone: "
+        in told[0].sentence
+    )
 
 
 def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):

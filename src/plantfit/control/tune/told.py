@@ -35,7 +35,8 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     beside = "" if alone is None else f"; tuned on the best fit alone: {_percent(alone.share)}"
     say(
         "good" if design.promised else "bad",
-        f"Of {n} plants {how}, {_percent(best.share)} overshoot under {wishes.overshoot:g} % with Ms under {wishes.ms:g}{beside}.",
+        f"Of {n} plants {how}, {_percent(best.share)} have an overshoot under {wishes.overshoot:g} % "
+        f"and an Ms under {wishes.ms:g}{beside}.",
     )
     unstable = int(np.sum(~design.judged.stable[0]))
     if unstable:
@@ -77,8 +78,8 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     if rules and design.promised:
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
         ratio = first.scores.iae / best.scores.iae
-        say("info", f"Of the rules {first.name} keeps it too, its step takes {ratio:.2f} times the IAE ({first.scores.iae:.4g} s)." if
-        np.isfinite(ratio) else f"Of the rules {first.name} keeps it too.")  # fmt: skip
+        larger = f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)" if np.isfinite(ratio) else ""
+        say("info", f"The rule {first.name} keeps these limits too{larger}.")
     return told
 
 
