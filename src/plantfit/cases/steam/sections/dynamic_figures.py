@@ -7,6 +7,7 @@ import numpy as np
 
 from plantfit.cases.steam.dynamic_runs import MethodRuns
 from plantfit.problem.problem import Problem
+from plantfit.findings.results.methods_compared import Quartiles
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.comparison.costs import colours, distribution_figure
@@ -36,7 +37,8 @@ def convergence_figure(methods: Sequence[MethodRuns]) -> Figure:
         grid = grid_of(m.runs)  # type: ignore[arg-type]  # a result has what it reads of a record
         low, middle, high = quartiles(best_costs(m.runs, grid))  # type: ignore[arg-type]
         shown = np.isfinite(high)
-        curves[m.label] = {"at": grid[shown], "low": low[shown], "median": middle[shown], "high": high[shown]}
+        at, low, middle, high = (v[shown].tolist() for v in (grid, low, middle, high))
+        curves[m.label] = Quartiles(at=at, low=low, median=middle, high=high)
     found = quartiles_figure(curves, {m.label: len(m.runs) for m in methods}, "evaluations of the cost", "evaluations")
     found["layout"]["yaxis"]["title"]["text"] = "best cost C so far [bar²]"
     found["layout"]["height"] = 400
