@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from plantfit.cases.steam.dynamic_runs import MethodRuns
-from plantfit.problem.problem import Problem
 from plantfit.findings.results.methods_compared import Quartiles
+from plantfit.problem.problem import Problem
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
 from plantfit.report.figures.comparison.costs import colours, distribution_figure
