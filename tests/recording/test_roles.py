@@ -129,6 +129,7 @@ def test_a_supply_that_nothing_moves_is_unsure_and_what_it_moves_is_not(seed):
     roles = {c.header: c for c in roles_of(table).columns}
     assert not roles["temp1_degC"].sure
     assert "disturbance" in roles["temp1_degC"].why
+    assert roles["temp1_degC"].answers == ()
     assert (roles["temp2_degC"].kind, roles["temp2_degC"].sure) == ("output", True)
     assert (roles["valve_u"].kind, roles["valve_u"].sure) == ("input", True)
 

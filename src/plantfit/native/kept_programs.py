@@ -113,7 +113,8 @@ class Kept:
 
     def __init__(self, function: Callable, name: str, description: bytes | None):
         functools.update_wrapper(self, function, assigned=("__name__", "__doc__"), updated=())
-        self.name, self.description, self._plain = name, description, jax.jit(_named(function, name))
+        self.name, self.description = name, description
+        self._plain: Any = jax.jit(_named(function, name))
         self._programs: dict[Any, Callable] = {}
         self._lately: tuple[Any, dict[Any, Callable]] = None, {}
 
@@ -134,6 +135,11 @@ class Kept:
         if len(args) == 2 and isinstance(args[1], tuple) and hasattr(args[0], "shape"):  # a mapping could be given again with other entries
             self._lately = args[1], {**(programs if args[1] is lately else {}), _brief(args[0]): program}
         return program(*args)
+
+    def clear_cache(self) -> None:
+        """Forget the programs of this process, as `clear_cache` of a function of `jax.jit` does."""
+        self._programs, self._lately = {}, (None, {})
+        self._plain.clear_cache()
 
     def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
         """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot be kept."""

@@ -17,7 +17,8 @@ from plantfit.recording.readers.numbers import casted, mostly_numbers
 Kind = Literal["time", "index", "input", "output", "constant", "set point", "copy", "text", "empty"]
 MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
-UNMOVED = 0.1  # share of its changes, below which a column counts as moved by no other
+UNMOVED = "but no column moves it, so it may be a disturbance"
+STILL = 0.1  # share of its changes, below which a column counts as moved by no other
 
 _PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
 _INPUT = re.compile(
@@ -143,13 +144,12 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
     found: dict[str, Role] = {}
     for k, h in enumerate(own):
         kind: Kind = "input" if k in inputs else "output"
-        answers = (
-            () if kind == "input" else tuple(own[i] for i in sorted(inputs, key=lambda i: -tells[i, k]) if _drives(tells, i, k, inputs))
-        )
         alone = kind == "output" and _unmoved(tells, k, inputs)
+        driven = kind == "output" and not alone
+        answers = tuple(own[i] for i in sorted(inputs, key=lambda i: -tells[i, k]) if _drives(tells, i, k, inputs)) if driven else ()
         sure = abs(evidence[k]) >= SURE and k != forced and not alone
         why = reasons[k][kind] or "nothing speaks against it"
-        found[h] = _role(columns[h], kind, f"{why}; but no column moves it, so it may be a disturbance" if alone else why, sure, answers)
+        found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
     for h in goals:
         found[h] = _role(columns[h], "set point", "a set point by its name", True)
     for h, of in copies.items():
@@ -164,7 +164,7 @@ def _role(column: Column, kind: Kind, why: str, sure: bool, answers: tuple[str, 
 def _unmoved(tells: np.ndarray, k: int, inputs: Sequence[int]) -> bool:
     """Whether nothing tells of output k, while something clearly tells of another output: a supply temperature, a load, the weather."""
     others = [float(tells[:, j].max()) for j in range(len(tells)) if j != k and j not in inputs]
-    return float(tells[:, k].max()) < UNMOVED < 3.0 * UNMOVED < max(others, default=0.0)
+    return float(tells[:, k].max()) < STILL < 3.0 * STILL < max(others, default=0.0)
 
 
 def _drives(tells: np.ndarray, i: int, k: int, inputs: Sequence[int]) -> bool:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
-    from plantfit.findings.results.methods_compared import PairInTime, RunsSummary
     from plantfit.study.comparing.basins import Basin, basins
-    from plantfit.study.comparing.pairwise import a12, compare, holm
+    from plantfit.study.comparing.pairwise import PairInTime, a12, compare, holm
     from plantfit.study.comparing.statistics import (
+        RunsSummary,
         bootstrap_interval,
         costs_by_method,
         evaluations_to_target,

@@ -85,7 +85,7 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
         end = "negligible" if share < 0.05 else "not negligible: ask for more substeps"
         text = (
             f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{part}{where} "
-            f"({findings['simulation']['checked_with']}), {100 * share:.2g} % of the residual: {end}."
+            f"({findings['simulation']['checked_with']}); in the rms it is off by {100 * share:.2g} % of the residual: {end}."
         )
         yield say(level, text, max_error=o["max_error"], share=share)
 

@@ -186,7 +186,7 @@ def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
     if p["at_bound"] == "lower" and p["lower_bound"] == 0.0:  # a dead time, a friction: usually nothing lies below
         text = (
             f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from zero{_at_most(p)}: "
-            "take it out of the model, or widen the bound where it may be negative."
+            f"take it out of the model{'' if (p.get('limits') or (None,))[0] == 0.0 else ', or widen the bound where it may be negative'}."
         )
         return say("warning", text, value=p["value"])
     text = (

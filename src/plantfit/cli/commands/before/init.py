@@ -36,7 +36,7 @@ def init(
         )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
-    from plantfit.recording.roles import roles_of
+    from plantfit.recording.roles import UNMOVED, roles_of
 
     source = Path(file)
     name = source.name.split(".")[0]
@@ -78,8 +78,15 @@ def init(
         return _compared(list(targets.values()), json)
     if json:
         return print_json(_record(str(target), links, found, roles))
+    unmoved = {r.header for r in roles.columns if UNMOVED in r.why}
     for link in links:
-        out.print(f"{link.output.symbol} answers to {' and '.join(u.symbol for u in link.inputs)}.", markup=False)
+        of = " and ".join(u.symbol for u in link.inputs)
+        if link.output.header in unmoved and not (inputs or outputs):
+            way = f"--input {link.output.header!r}"
+            told = f"No answer of {link.output.symbol} to {of} was found: leave it out, or take it as an input ({way})."
+        else:
+            told = f"{link.output.symbol} answers to {of}."
+        out.print(told, markup=False)
     unsure = [r for r in roles.unsure if r.kind in ("input", "output")]
     if unsure and not (inputs or outputs):
         listed = ", ".join(f"{r.header!r} ({r.kind})" for r in unsure)
