@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class NewRecording:
         drive = predictor.drive(self.experiment, longest=self.problem.longest_delays(), mesh=mesh)
         if isinstance(drive, Drive):
             self._check_start(predictor.stepping(), p, drive)
-        return _arrays(jax.jit(predictor.outputs)(p, drive))
+        return _arrays(_compiled(predictor)(p, drive))
 
     def _check_start(self, simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> None:
         lost = [o for o, y in zip(simulator.vector.outputs, drive.first_output, strict=True) if not np.isfinite(y)]
@@ -110,6 +111,11 @@ class NewRecording:
                 "measured one; add the signal with its first value (the others may be missing)."
             )
         raise SimulationError(f"Recording {r.name!r}: the state {state!r} begins at no finite value; check the parameters.")
+
+
+@lru_cache(maxsize=8)  # bands ask for thousands of draws
+def _compiled(predictor: Predictor) -> Any:
+    return jax.jit(predictor.outputs)
 
 
 def _with_steps(simulator: Simulator, substeps: int) -> Simulator:
