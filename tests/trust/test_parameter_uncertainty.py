@@ -166,3 +166,17 @@ def test_total_intervals_of_steam_parameters_hold_what_they_promise():
             alone.append(np.abs(found.values - truth) <= 1.96 * found.random)
         assert np.all(np.mean(inside, axis=0) >= 0.92), np.mean(inside, axis=0)
         assert np.mean(alone, axis=0)[0] < 0.2  # the gain: its noise is a tenth of what the instruments may err
+
+
+@pytest.mark.parametrize("draws", [None, 20])
+def test_a_value_that_is_pressed_on_a_bound_has_no_interval_and_one_inside_has(draws):
+    """a = 1 is pressed on its bound 1.2; nothing is known of it to first order, which is not that it is exact."""
+    problem = line(0)
+    pressed = Problem(problem.model, problem.experiments, {"a": (1.2, 9.0)})
+    error = [SharedError(type_b("zero", 0.3, "V"), "offset", "y")]
+    for own, known in ((pressed, False), (problem, True)):
+        z = fitted(own)
+        found = propagate(own, z, error) if draws is None else propagate_by_monte_carlo(own, z, error, draws)
+        for of in (found.random, found.combined, found.systematic["zero"], found.low, found.high):
+            assert np.isfinite(of[0]) == known
+            assert np.isfinite(of[1])

@@ -30,7 +30,8 @@ REACH = 6.0  # standard uncertainties that a held constant is freed by on either
 @dataclass(frozen=True)
 class ParameterUncertainty:
     """Parameters (d,) in their units: `values`, `random` standard errors from the residuals, `systematic` (d,) standard
-    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros.
+    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros. One that is pressed on a bound
+    is not known to first order: its parts and its interval are NaN.
 
     `draws` (n, d): parameters of the refits of the Monte Carlo, else None; they carry the systematic and the random part.
     """
@@ -83,7 +84,8 @@ def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k
     local = linearise(problem, z)
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     slope = _slope(problem, z)
-    at = np.flatnonzero(free & np.array([b is None for b in local.at_bound]))
+    pressed = free & np.array([b is not None for b in local.at_bound])
+    at = np.flatnonzero(free & ~pressed)
     solve, noise = _solver(problem, z, residuals, jacobian, at)
     squares: dict[str, np.ndarray] = {}
     few = np.zeros(len(z))  # the sum in the formula of Welch and Satterthwaite
@@ -93,7 +95,9 @@ def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k
         own *= (slope * error.source.standard) ** 2
         few += own**2 / error.source.degrees_of_freedom
         squares[error.source.name] = squares.get(error.source.name, 0.0) + own
-    random = np.zeros(len(z))
+    for own in squares.values():
+        own[pressed] = np.nan
+    random = np.where(pressed, np.nan, 0.0)
     random[at] = np.sqrt(np.maximum(np.diag(noise), 0.0)) * slope[at]
     systematic = {n: np.sqrt(s) for n, s in squares.items()}
     combined = np.sqrt(random**2 + sum(squares.values(), np.zeros(len(z))))
@@ -144,6 +148,7 @@ def propagate_by_monte_carlo(
     held = ~free
     low[held] = high[held] = linear.values[held]
     spread = np.where(held, 0.0, np.std(found, axis=0, ddof=1))
+    low, high, spread = (np.where(np.isnan(linear.combined), np.nan, v) for v in (low, high, spread))
     return ParameterUncertainty(
         linear.names, linear.units, linear.values, linear.random, linear.systematic, spread, low, high, linear.degrees_of_freedom, found
     )._of(keep)

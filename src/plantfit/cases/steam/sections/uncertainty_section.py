@@ -79,7 +79,8 @@ def uncertainty_section(
     budget = pressure_budget()
     half, _ = budget.monte_carlo()
     names = ("k", "A1", "A2", "Td")
-    most = max(visited, key=lambda name: _share(found, name))
+    inside = [name for name in visited if not np.isnan(found.combined[found.names.index(f"{name}[{STEP}]")])]
+    most = max(inside, key=lambda name: _share(found, name))
     gain = "" if constants is None else f"the static gain k by {_times(_share(constants, 'k'))}, "
     note = f"Clock within {1e6 * CLOCK:g} ppm and scale of the opening within {100 * OPENING:g} % are assumed by us."
     return {
@@ -123,6 +124,9 @@ def _parameter_table(caption: str, found: ParameterUncertainty, names: Sequence[
     rows = []
     for name in names:
         at = found.names.index(f"{name}[{STEP}]")
+        if np.isnan(found.combined[at]):  # no interval to first order
+            rows.append([name, found.units[at] or "", f"{found.values[at]:.3g}", *[""] * (1 + len(parts)), "on a bound", ""])
+            continue
         least = 1e-3 * float(found.combined[at])
         said = [f"{v:.2g}" if v > least else "~0" for v in (float(by[at]) for by in (found.random, *parts.values()))]
         rows.append([name, found.units[at] or "", f"{found.values[at]:.3g}", *said, f"{found.low[at]:.3g}", f"{found.high[at]:.3g}"])
