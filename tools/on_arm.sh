@@ -17,7 +17,7 @@ if [ ! -e fetched ]; then
   cd .. && apt-get download qemu-user-static && dpkg -x qemu-user-static*.deb qemu
   python3 -m pip download --quiet --only-binary :all: --python-version 3.11 --dest wheels --constraint "$root/constraints.txt" \
     --platform manylinux2014_aarch64 --platform manylinux_2_17_aarch64 --platform manylinux_2_27_aarch64 --platform manylinux_2_28_aarch64 \
-    jax numpy scipy polars pint pydantic llvmlite sqlalchemy typer rich plotly jinja2 threadpoolctl tomlkit
+    jax numpy scipy polars pint pydantic llvmlite sqlalchemy typer rich plotly jinja2 threadpoolctl tomlkit emcee
   for file in wheels/*.whl; do python3 -m zipfile -e "$file" site; done
   touch fetched
 fi

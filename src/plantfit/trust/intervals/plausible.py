@@ -11,6 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
+from plantfit.space import Coordinate
 from plantfit.trust.heterogeneity.widened import effects
 from plantfit.trust.intervals.kinds.likelihood_draws import by_likelihood
 from plantfit.trust.intervals.linearised import Local, linearise
@@ -52,110 +53,172 @@ def plausible(
     and a draw is kept where its cost is one that draws of the determined parts have too.
     Physical limits cut both. Raises SearchError where hardly a draw is left.
     """
-    space, rng = problem.space, np.random.default_rng(seed)
-    own = {r["name"]: r for r in rows}
-    values = np.asarray(space.physical(np.asarray(z)), dtype=float)
-    log = space.log & (values > 0)
-    size = np.where(log, values, 1.0)  # of a move of 1 in the coordinate that is drawn
-    local = linearise(problem, z)
-    error, wide, between, degrees = np.zeros(len(values)), np.zeros(len(values), bool), np.zeros(len(values)), np.full(len(values), np.inf)
-    low, high, loose = values.copy(), values.copy(), np.zeros(len(values), bool)
-    for i, (name, c) in enumerate(zip(space.names, space.coordinates, strict=True)):
-        row = own.get(name, {})
-        stated = row.get("uncertainty") or {}
-        sd = stated.get("combined") or row.get("standard_error")
-        boxed = local.linear is None and row.get("at_bound") is None and row.get("status") != NOT_VISITED
-        if boxed and not stated.get("combined"):  # tables: what the data leave open is drawn with the box as prior
-            sd = min(sd or np.inf, float(local.standard_error[i]))
-        low[i] = c.lower if row.get("low") is None else row["low"]
-        high[i] = c.upper if row.get("high") is None else row["high"]
-        loose[i] = local.linear is not None and row.get("status") == "weak"
-        scatter = row.get("scatter")
-        bent = log[i] and sd is not None and sd > WIDE * abs(values[i]) and not scatter
-        wide[i] = sd is None or not np.isfinite(sd) or (row.get("open") is not None and not boxed) or bent
-        error[i] = 0.0 if wide[i] or sd is None else float(sd)
-        if scatter and not wide[i]:
-            between[i], degrees[i] = scatter["between"], scatter["degrees"]
-    error = error / size
-    scatters = np.isfinite(degrees)
-    own_covariance = local.covariance
-    if np.any(scatters):
-        own_covariance = own_covariance + scatter_covariance(problem, z, local)
-        error = np.hypot(error, between / size)
-    spread = _spread(own_covariance / size[:, None] / size[None, :], error)
-    limits = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
-    hard = limits
-    follow = _followers(problem, z, size, wide)
-    least = np.where(log & (low <= 0), 1e-3 * values, low)
-    here, *ends = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, high))
-    limits = np.where(wide[:, None], np.stack([np.maximum(low, limits[:, 0]), np.minimum(high, limits[:, 1])], axis=1), limits)
-    farthest = np.where(scatters & within, stdtrit(degrees, 0.5 + LEVEL / 2) * error, np.inf)  # of a move
+    around = _Around.of(problem, np.asarray(z), rows, np.random.default_rng(seed), within)
+    known, kept, accepted, walks = around.known, np.zeros((0, len(around.values))), 1.0, False
+    if np.any(known.wide | known.loose) and around.local.linear is not None and around.local.linear.sound:
+        pool, near = around.even(), around.drawn(100, False)
+        pool = np.concatenate([around.drawn(POOL, True), pool])
+        found = by_likelihood(problem, z, around.local, near, pool, around.log, count, around.rng)
+        if found is not None:
+            walks, kept, accepted = True, around.with_stated(found[0]), found[1]
+    if not walks:
+        kept, accepted = _by_covariance(problem, around, np.asarray(z), count)
+    return Plausible(
+        problem.space.names,
+        np.concatenate([around.values[None], kept[:count]]),
+        tuple(n for n, w in zip(problem.space.names, known.wide, strict=True) if w),
+        accepted,
+        tuple(n for n, s in zip(problem.space.names, known.scatters, strict=True) if s),
+        walks,
+    )
 
-    def tailed(move: np.ndarray) -> np.ndarray:
+
+@dataclass(frozen=True)
+class _Known:
+    """What the findings say of each parameter, arrays (d,) in the parameters' units."""
+
+    error: np.ndarray  # standard error of a bell, 0 where there is none
+    low: np.ndarray
+    high: np.ndarray
+    wide: np.ndarray  # whether no bell describes it
+    loose: np.ndarray  # whether it is known roughly only
+    between: np.ndarray  # scatter between recordings
+    degrees: np.ndarray  # of freedom of that, infinite where nothing scatters
+    stated: np.ndarray  # whether errors of instruments are stated
+
+    @property
+    def scatters(self) -> np.ndarray:
+        return np.isfinite(self.degrees)
+
+    @classmethod
+    def of(cls, problem: Problem, rows: Sequence[Mapping[str, Any]], local: Local, values: np.ndarray, log: np.ndarray) -> "_Known":
+        own = {r["name"]: r for r in rows}
+        told = [cls._one(c, own.get(c.name, {}), local, i, values[i], log[i]) for i, c in enumerate(problem.space.coordinates)]
+        return cls(*(np.array(column) for column in zip(*told, strict=True)))
+
+    @staticmethod
+    def _one(c: Coordinate, row: Mapping[str, Any], local: Local, i: int, value: float, log: bool) -> tuple[float | bool, ...]:
+        """The fields of one parameter, in their order."""
+        stated, scatter = (row.get("uncertainty") or {}).get("combined"), row.get("scatter")
+        sd = stated or row.get("standard_error")
+        boxed = local.linear is None and row.get("at_bound") is None and row.get("status") != NOT_VISITED
+        if boxed and not stated:  # tables: what the data leave open is drawn with the box as prior
+            sd = min(sd or np.inf, float(local.standard_error[i]))
+        bent = log and sd is not None and sd > WIDE * abs(value) and not scatter
+        wide = sd is None or not np.isfinite(sd) or (row.get("open") is not None and not boxed) or bent
+        low, high = (bound if row.get(end) is None else row[end] for end, bound in (("low", c.lower), ("high", c.upper)))
+        loose = local.linear is not None and row.get("status") == "weak"
+        between, degrees = (scatter["between"], scatter["degrees"]) if scatter and not wide else (0.0, np.inf)
+        return 0.0 if wide or sd is None else float(sd), low, high, bool(wide), loose, between, degrees, bool(stated)
+
+
+@dataclass(frozen=True)
+class _Around:
+    """Draws around the answer by its covariance; a move of 1 is a unit, or a factor of e where the search is in logarithms (`log`)."""
+
+    problem: Problem
+    local: Local
+    rng: np.random.Generator
+    known: _Known
+    values: np.ndarray
+    log: np.ndarray
+    error: np.ndarray  # standard deviation of a move, the scatter between recordings in it
+    covariance: np.ndarray  # of the values, the scatter in it
+    hard: np.ndarray  # (d, 2) physical limits
+    limits: np.ndarray  # (d, 2), and ranges of what is wide
+    reach: tuple[np.ndarray, np.ndarray]  # moves to the ends of the ranges
+    follow: np.ndarray
+    farthest: np.ndarray  # of a move
+
+    @classmethod
+    def of(cls, problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], rng: np.random.Generator, within: bool) -> "_Around":
+        space, local = problem.space, linearise(problem, z)
+        values = np.asarray(space.physical(z), dtype=float)
+        log = space.log & (values > 0)
+        known = _Known.of(problem, rows, local, values, log)
+        size = np.where(log, values, 1.0)
+        error, covariance = known.error / size, local.covariance
+        if np.any(known.scatters):
+            covariance = covariance + scatter_covariance(problem, z, local)
+            error = np.hypot(error, known.between / size)
+        hard = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
+        ranged = np.stack([np.maximum(known.low, hard[:, 0]), np.minimum(known.high, hard[:, 1])], axis=1)
+        least = np.where(log & (known.low <= 0), 1e-3 * values, known.low)
+        here, low, high = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, known.high))
+        return cls(
+            problem, local, rng, known, values, log, error, covariance, hard, np.where(known.wide[:, None], ranged, hard),
+            (low - here, high - here), _followers(problem, z, size, known.wide),
+            np.where(known.scatters & within, stdtrit(known.degrees, 0.5 + LEVEL / 2) * error, np.inf),
+        )  # fmt: skip
+
+    def drawn(self, n: int, with_open: bool) -> np.ndarray:
+        """Values of n draws that are within the limits; what is wide moves over its range, all others along, or stays."""
+        move = self._moves((n, len(self.values)), self.error)
+        wide = self.known.wide
+        if with_open and np.any(wide):
+            place = self.reach[0] + self.rng.uniform(size=move.shape) * (self.reach[1] - self.reach[0])
+            leads = self.rng.uniform(size=move.shape) < 1.0 / np.sum(wide)
+            leads[np.arange(n), self.rng.choice(np.flatnonzero(wide), n)] = True
+            move = move + np.where(wide & leads, place, 0.0) @ self.follow.T
+        found = self._moved(self.values, move)
+        return found[self._inside(found, move, self.limits)]
+
+    def even(self) -> np.ndarray:
+        """Draws with what is open over all of the box: the straight line of the linearised problem leaves a bent valley."""
+        found = self.drawn(POOL, False)
+        for i in np.flatnonzero(self.known.wide | self.known.loose):
+            c, place = self.problem.space.coordinates[i], self.rng.uniform(size=len(found))
+            a, b = max(c.lower, self.hard[i, 0]), min(c.upper, self.hard[i, 1])
+            found[:, i] = a * (b / a) ** place if self.log[i] and a > 0 else a + (b - a) * place
+        return found
+
+    def with_stated(self, values: np.ndarray) -> np.ndarray:
+        """Draws by the likelihood (n, d) with what stated errors and scatter add, which no likelihood has."""
+        noise = self.local.standard_error / np.where(self.log, self.values, 1.0)
+        beside = np.sqrt(np.maximum(self.error**2 - noise**2, 0.0)) * (self.known.stated | self.known.scatters)
+        if not np.any(beside > 0):
+            return values
+        move = self._moves(values.shape, beside)
+        far = self._moved(values, move)
+        return np.where(self._inside(far, move, self.hard)[:, None], far, values)
+
+    def _moves(self, shape: tuple[int, ...], error: np.ndarray) -> np.ndarray:
+        """Moves (n, d) with these standard deviations and the correlations of the covariance, tails of Student's t where few scatter."""
+        size = np.where(self.log, self.values, 1.0)
+        move = self.rng.standard_normal(shape) @ _spread(self.covariance / size[:, None] / size[None, :], error).T
+        scatters = self.known.scatters
         if not np.any(scatters):
             return move
-        few = np.where(scatters, degrees, 1.0)
-        tails = np.sqrt(few / chdtri(few, rng.uniform(size=(len(move), 1))))  # Student's t of several variables, each with its own degrees
+        few = np.where(scatters, self.known.degrees, 1.0)
+        tails = np.sqrt(few / chdtri(few, self.rng.uniform(size=(len(move), 1))))  # of several variables, each with its own degrees
         return np.where(scatters, move * tails, move)
 
-    def drawn(n: int, with_open: bool) -> np.ndarray:
-        move = rng.standard_normal((n, len(values))) @ spread.T
-        move = tailed(move)
-        if with_open and np.any(wide):
-            place = ends[0] + rng.uniform(size=(n, len(values))) * (ends[1] - ends[0])
-            leads = rng.uniform(size=(n, len(values))) < 1.0 / np.sum(wide)
-            leads[np.arange(n), rng.choice(np.flatnonzero(wide), n)] = True
-            move = move + np.where(wide & leads, place - here, 0.0) @ follow.T
-        found = np.where(log, values * np.exp(np.clip(move, -50, 50)), values + move)
-        inside = np.all((found >= limits[:, 0]) & (found <= limits[:, 1]) & (np.abs(move) <= farthest), axis=1)
-        return found[inside]
+    def _moved(self, values: np.ndarray, move: np.ndarray) -> np.ndarray:
+        return np.where(self.log, values * np.exp(np.clip(move, -50, 50)), values + move)
 
-    kept, accepted = np.zeros((0, len(values))), 1.0
-    walks = bool(np.any(wide | loose)) and local.linear is not None and local.linear.sound
-    found = None
-    if walks:
-        even = drawn(POOL, False)  # over all of the box too: the straight line of the linearised problem leaves a bent valley
-        for i in np.flatnonzero(wide | loose):
-            a, b = max(space.coordinates[i].lower, hard[i, 0]), min(space.coordinates[i].upper, hard[i, 1])
-            place = rng.uniform(size=len(even))
-            even[:, i] = a * (b / a) ** place if log[i] and a > 0 else a + (b - a) * place
-        found = by_likelihood(problem, z, local, drawn(100, False), np.concatenate([drawn(POOL, True), even]), log, count, rng)
-    walks = found is not None
-    if found is not None:
-        kept, accepted = found
-        stated = [bool((own.get(n, {}).get("uncertainty") or {}).get("combined")) for n in space.names]
-        beside = np.sqrt(np.maximum(error**2 - (local.standard_error / size) ** 2, 0.0)) * (np.array(stated) | scatters)
-        if np.any(beside > 0):
-            move = tailed(rng.standard_normal(kept.shape) @ _spread(own_covariance / size[:, None] / size[None, :], beside).T)
-            far = np.where(log, kept * np.exp(np.clip(move, -50, 50)), kept + move)
-            inside = np.all((far >= hard[:, 0]) & (far <= hard[:, 1]) & (np.abs(move) <= farthest), axis=1)
-            kept = np.where(inside[:, None], far, kept)
-    tried, filtered = 0, bool(np.any(wide)) and not walks
-    most = _allowed(problem, space, z, drawn(100, False)) if filtered else np.inf
+    def _inside(self, values: np.ndarray, move: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        return np.all((values >= limits[:, 0]) & (values <= limits[:, 1]) & (np.abs(move) <= self.farthest), axis=1)
+
+
+def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int) -> tuple[np.ndarray, float]:
+    """Draws (count, d) by the covariance, what is wide over its range, and the share of those that the data allow."""
+    space, wide = problem.space, around.known.wide
+    kept, tried, filtered = np.zeros((0, len(z))), 0, bool(np.any(wide))
+    most = _allowed(problem, space, z, around.drawn(100, False)) if filtered else np.inf
     for _ in range(ROUNDS):
         if len(kept) >= count:
             break
-        new = drawn(max(count, 64), True)
+        new = around.drawn(max(count, 64), True)
         tried += len(new)
         if filtered and len(new):
             new = new[_costs(problem, space, new) <= most]
         kept = np.concatenate([kept, new])
     if len(kept) < count:
         raise SearchError(
-            f"Of {tried} draws of the parameters {len(kept)} have a cost that the data allow; the ranges of "
-            f"{_few(space.names, wide)} are too wide "
-            "and too bent to draw from. Hold one of them at a known value, or record again."
+            f"Of {tried} draws of the parameters {len(kept)} have a cost that the data allow; the ranges of {_few(space.names, wide)} are "
+            "too wide and too bent to draw from. Hold one of them at a known value, or record again."
         )
-    if filtered:
-        accepted = min(1.0, len(kept) / tried)
-    return Plausible(
-        space.names,
-        np.concatenate([values[None], kept[:count]]),
-        tuple(n for n, w in zip(space.names, wide, strict=True) if w),
-        accepted,
-        tuple(n for n, s in zip(space.names, scatters, strict=True) if s),
-        walks,
-    )
+    return kept, min(1.0, len(kept) / tried) if filtered else 1.0
 
 
 def scatter_covariance(problem: Problem, z: np.ndarray, local: Local) -> np.ndarray:

@@ -30,8 +30,8 @@ REACH = 6.0  # standard uncertainties that a held constant is freed by on either
 @dataclass(frozen=True)
 class ParameterUncertainty:
     """Parameters (d,) in their units: `values`, `random` standard errors from the residuals, `systematic` (d,) standard
-    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros. One that is pressed on a bound
-    is not known to first order: its parts and its interval are NaN.
+    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros. One that is
+    pressed on a bound is not known to first order: its parts and its interval are NaN.
 
     `draws` (n, d): parameters of the refits of the Monte Carlo, else None; they carry the systematic and the random part.
     """

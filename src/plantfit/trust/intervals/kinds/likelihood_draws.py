@@ -1,10 +1,11 @@
-"""Draws of the parameters by the likelihood of the data, from costs alone: where an ellipsoid says nothing, and no package is needed."""
+"""Draws of the parameters by the likelihood of the data, from costs alone: where an ellipsoid says nothing."""
+
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.kinds.ensemble import walked
 from plantfit.trust.intervals.linearised import Local, residual_blocks
 from plantfit.trust.intervals.ranges import effective_samples
 
@@ -22,7 +23,7 @@ def by_likelihood(
     The prior is flat between the bounds of the search, in logarithms where `log` (d,). With residuals that are worth n independent samples
     and a standard deviation that is not known the likelihood is the cost to the power -n / 2 (Gelman et al., Bayesian Data Analysis,
     3rd ed., section 14.2). Walkers begin in the `pool` (k, d): with equal chance up to the cost that draws `near` (m, d) of what is
-    determined have, else by the likelihood. None where too few of the pool can be simulated. Raises nothing.
+    determined have, else by the likelihood. None where too few of the pool can be simulated.
     """
     space, d, half = problem.space, len(log), max(WALKERS // 2, 2 * len(log))
     residuals = np.asarray(problem.residuals(np.asarray(z)))
@@ -62,8 +63,29 @@ def by_likelihood(
     begin = np.resize(usable[np.argsort(-chance, kind="stable")], 2 * half)
     starts = pool[begin]
     x = np.where(log, np.log(np.where(log, starts, 1.0)), starts)
-    found = []
-    for k in range(-(-count // (2 * half))):
-        x, _ = walked(log_density, x, BETWEEN if k else SWEEPS, rng)
-        found.append(values_of(x))
+    found: list[np.ndarray] = []
+    for drawn in walked(log_density, x, SWEEPS, BETWEEN, int(rng.integers(2**32))):
+        found.append(values_of(drawn))
+        if len(found) * 2 * half >= count:
+            break
     return np.concatenate(found)[:count], float(np.mean(growth <= most))
+
+
+def walked(
+    log_density: Callable[[np.ndarray], np.ndarray], starts: np.ndarray, sweeps: int, between: int, seed: int
+) -> Iterator[np.ndarray]:
+    """Walkers (w, d), w even, after `sweeps` moves of each from `starts` (w, d), and again after `between` more, without end.
+
+    Half of the moves are stretches (Goodman and Weare, Comm. App. Math. Comp. Sci. 5 (2010) 65), half are differences of two walkers
+    (Nelson et al., Astrophys. J. Suppl. 210 (2014) 11), a tenth of these the whole difference, from one hill of the density to another.
+    `log_density` (n, d) -> (n,) is minus infinity where there is none.
+    """
+    import emcee  # half a second to import, and rarely needed
+
+    moves = [(emcee.moves.StretchMove(), 0.5), (emcee.moves.DEMove(), 0.45), (emcee.moves.DEMove(gamma0=1.0), 0.05)]
+    sampler = emcee.EnsembleSampler(*starts.shape, log_density, moves=moves, vectorize=True)
+    sampler.random_state = np.random.RandomState(seed).get_state()
+    state = sampler.run_mcmc(starts, sweeps, skip_initial_state_check=True, store=False)
+    while True:
+        yield np.array(state.coords)
+        state = sampler.run_mcmc(state, between, skip_initial_state_check=True, store=False)
