@@ -8,6 +8,7 @@ from plantfit.problem import Problem, checked_cost
 from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.accuracy.steps import choose_substeps, refined_at, steps_for
 from plantfit.recording import from_arrays
+from plantfit.simulate.check.tight import follow
 from plantfit.simulate.steps.array_steppers import Rates
 from plantfit.simulate.steps.registry import STEPPERS
 
@@ -123,3 +124,44 @@ def test_steps_on_arrays_are_those_on_scalars(name):
     for k in range(5):
         own = STEPPERS[name].step(vector.rate, tuple(x[k]), tuple(u0[k]), tuple(u1[k]), h[k], (q[k],), True)
         np.testing.assert_allclose(found[k], np.array(own, dtype=float), rtol=1e-11)
+
+
+POLE_T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
+
+
+def pole(equation):
+    """x = tan(0.1 t) / 0.1 at k = 0.01; a pole at t = pi / (2 sqrt(k)), inside the record for most of the box."""
+    states = {s: {} for s in ("z", "x") if f"{s}'" in equation}
+    model = pf.equations(equation, states=states, outputs=["y"], parameters={"k": {"bounds": (1e-3, 3.0), "scale": "log"}}, name="pole")
+    return Problem(model, from_arrays(POLE_T, signals={"y": np.tan(0.1 * POLE_T) / 0.1}, name="run"))
+
+
+def test_a_search_has_adaptive_steps_where_a_mesh_would_step_over_poles():
+    problem = choose_substeps(pole("x' = 1 + k*x^2\n y = x"))
+    assert problem.predictor.stepping().stepper == "adaptive"
+    k = np.array([0.003, 0.01, 0.05, 0.3, 2.0])
+    costs = np.asarray(problem.costs(np.array([at(problem, k=v) for v in k])))
+    np.testing.assert_array_equal(np.isfinite(costs), np.pi / 2 / np.sqrt(k) > 10.0)
+    assert costs[1] < 1e-4 < costs[0]
+
+
+@pytest.mark.parametrize("equation", ["z' = -20*(z - 1)\n x' = z + k - x\n y = x", "z' = -200*(z - 1)\n x' = z*k - x\n y = x"])
+def test_a_mesh_that_gives_true_costs_stays(equation):
+    problem = choose_substeps(pole(equation))
+    assert problem.predictor.stepping().stepper != "adaptive"
+
+
+def test_a_pole_is_no_lack_of_evaluations_and_a_lack_of_them_is_no_pole():
+    problem = pole("x' = 1 + k*x^2\n y = x")
+    drive = problem.whole_drives["run"]
+    for evaluations in (20_000, 200_000):
+        stopped = follow(problem.predictor.stepping(), {"k": np.asarray(0.3)}, drive, evaluations=evaluations).stopped
+        assert stopped is not None
+        assert not stopped.spent
+        assert stopped.time == pytest.approx(np.pi / 2 / np.sqrt(0.3), rel=1e-4)
+    t = np.arange(20.0)  # evaluations are counted where an input moves
+    model = pf.equations("x' = u - k*x\n y = x", inputs=["u"], states={"x": {}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 3.0)}})
+    problem = Problem(model, from_arrays(t, signals={"u": t % 2, "y": t}, name="run"))
+    short = follow(problem.predictor.stepping(), {"k": np.asarray(0.5)}, problem.whole_drives["run"], evaluations=10).stopped
+    assert short is not None
+    assert short.spent

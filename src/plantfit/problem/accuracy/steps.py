@@ -28,7 +28,7 @@ FINE = 0.03  # step error at the answer, as a share of the residual
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
-LOST = 20_000  # evaluations of the tight solver, by which a candidate that explodes has done so
+LOST = 20_000  # evaluations of the tight solver, by which a candidate that explodes has done so; one that needs more is not judged
 FALSE = 0.1  # of a cost, from which on a mesh is said to give a false one
 LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
 SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
@@ -97,7 +97,8 @@ def _explodes(problem: Problem, z: np.ndarray) -> bool:
     values, single = problem.space.physical(z), problem.predictor.stepping()
     for name, drive in problem.whole_drives.items():
         p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-        if follow(single, p, drive, evaluations=LOST).stopped is not None:
+        stopped = follow(single, p, drive, evaluations=LOST).stopped
+        if stopped is not None and not stopped.spent:
             return True
     return False
 

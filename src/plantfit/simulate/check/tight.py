@@ -80,8 +80,9 @@ class _Run:
     def stop(self, t: float, x: np.ndarray, reason: str | None = None) -> Stopped:
         size = np.abs(np.where(np.isfinite(x), x, np.inf)) / self.scale
         worst = int(np.argmax(size))
-        reason = reason or ("grows without bound" if size[worst] >= 1e-3 * GROWTH else "changes too fast for the tight solver to follow")
-        spent = self.evaluations > self.most
+        grows = size[worst] >= 1e-3 * GROWTH
+        reason = reason or ("grows without bound" if grows else "changes too fast for the tight solver to follow")
+        spent = self.evaluations > self.most and not grows  # beside a pole evaluations run out, too
         return Stopped(
             float(t), self.vector.states[worst], float(x[worst]), "was reached with the evaluations allowed" if spent else reason, spent
         )
