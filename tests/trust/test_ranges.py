@@ -165,3 +165,23 @@ def test_a_plant_at_rest_has_a_verdict():
     record = Recording(t, {"u": Signal(np.ones(100), None), "y": Signal(np.zeros(100), None)}, "run")
     found = fit(Problem(model, record, {"a": Parameter((0.0, 5.0)), "b": Parameter((0.1, 5.0), scale="log")}))
     assert rows(found)["b"]["status"] != "determined"
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("known", [False, True])
+def test_a_bound_of_the_search_on_a_partner_ends_no_range(known, seed):
+    """p/q and p/r are all that y shows. One of them leaves its bounds first when all three grow or shrink: that is no end of the others."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(0.5, 2.0, (2, 200))
+    y = 5e-5 * u / 1.2e-4 + 5e-5 * v / 0.02 + 1e-3 * rng.standard_normal(200)
+    boxes = {"p": (1e-6, 1e-3), "q": (1e-6, 1e-2), "r": (1e-3, 1.0)}
+    parameters = {n: {"bounds": b, "scale": "log", "unit": "1"} for n, b in boxes.items()}
+    if known:
+        parameters["q"] = {"value": 1.2e-4, "unit": "1"}
+    model = equations("y = p*u/q + p*v/r", inputs=["u", "v"], outputs=["y"], parameters=parameters, check=False)
+    record = Recording(np.arange(200) * 1.0, {"u": Signal(u), "v": Signal(v), "y": Signal(y)}, "run")
+    found = fit(Problem(model, record), seed=seed)
+    told = " ".join(s["sentence"] for s in found.findings["verdict"])
+    for name in set(boxes) - ({"q"} if known else set()):
+        assert (f"{name} is not determined: the data allow any value above 0" in told) == (not known)
+        assert (rows(found)[name]["status"] == "determined") == known

@@ -195,7 +195,7 @@ class Followed:
             if self.left <= 0 or (outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)):
                 break
             at, start = self._next(here, edge, inside, outside), None
-        if outside is not None:
+        if outside is not None and not inside.leans:
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
             return self._value(i, self._between(inside, outside) if near else outside.at)
         return self._unstopped(i, sign, inside, end)
@@ -211,7 +211,7 @@ class Followed:
         reached = self._value(i, inside.at)
         if sign * (reached - end) <= 0.0:
             return end
-        return limit if inside.share < 0.5 else reached
+        return limit if inside.share < 0.5 or inside.leans else reached  # a bound of the search stopped it there, and not the data
 
     def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
         """The place to try next."""
@@ -315,9 +315,12 @@ class Followed:
         """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
         and whether physics limits all of them.
 
-        By the gradient, which a convex sum never falls faster than.
+        By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off their bounds have
+        moved to their best: a refit may end a little before, and they go along with those on bounds.
         """
-        gradient, noticed, most = 2.0 * block.jacobian.T @ block.residuals, False, 0.0
+        inner, noticed, most = block.jacobian[:, (block.x > EDGE) & (block.x < 1.0 - EDGE)], False, 0.0
+        left = block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
+        gradient = 2.0 * block.jacobian.T @ left
         for k, x, g in zip(places, block.x, gradient, strict=True):
             side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
             if side is None:
