@@ -56,8 +56,13 @@ def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tun
     stuck = 0.46 / 0.15  # dry friction holds the motor below Tf R / K = 0.46 V
     assert got["angle"][middle][-1] == pytest.approx(10.0, abs=stuck + 0.5)
     assert np.mean(got["angle"][last]) == pytest.approx(25.0, abs=stuck + 0.5)
-    # what the motor got are the commands of the controller on these measurements, in their order
-    controller = read_tuned(tuned).running()
+    assert_driven_as_read(read_tuned(tuned).running(), got, truth)
+    assert any("Driven from angle by the PID of motor-tune.json, every 0.05 s; set points: angle = 10, 25 rad" in line for line in got.log)
+    assert any(f"The controller on this computer gave {len(got)} commands" in line for line in got.log)
+
+
+def assert_driven_as_read(controller, got, truth):
+    """What the motor got are the commands of the controller on these measurements, in their order."""
     controller.begin(float(got["angle"][0]))
     wanted = [round(controller.update(y, r) / SCALE[0]) for y, r in zip(got["angle"], got["angle_set"], strict=True)]
     driven = truth.drives[:, 1][truth.drives[:, 0] >= truth.samples[0, 1]]
@@ -65,8 +70,6 @@ def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tun
     place = iter(wanted)
     assert all(raw in place for raw in driven[np.flatnonzero(driven)])
     assert len(set(driven)) > 10
-    assert any("Driven from angle by the PID of motor-tune.json, every 0.05 s; set points: angle = 10, 25 rad" in line for line in got.log)
-    assert any(f"The controller on this computer gave {len(got)} commands" in line for line in got.log)
 
 
 @pytest.mark.parametrize("kind", ["lqi", "mpc"])
@@ -85,14 +88,7 @@ def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program,
     assert set(np.unique(got["angle_set"])) == {10.0, 25.0}
     assert np.mean(got["angle"][(got.t > 1.9) & (got.t < 2.4)]) == pytest.approx(10.0, abs=1.0)
     assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(25.0, abs=1.0)  # its load takes dry friction away, but for hunting
-    controller = read_tuned(file).running()
-    controller.begin(float(got["angle"][0]))
-    wanted = [round(controller.update(y, r) / SCALE[0]) for y, r in zip(got["angle"], got["angle_set"], strict=True)]
-    driven = truth.drives[:, 1][truth.drives[:, 0] >= truth.samples[0, 1]]
-    assert driven[-1] == 0
-    place = iter(wanted)
-    assert all(raw in place for raw in driven[np.flatnonzero(driven)])
-    assert len(set(driven)) > 10
+    assert_driven_as_read(read_tuned(file).running(), got, truth)
     assert any(f"Driven from angle by the {kind.upper()} of {file.name}, every 0.05 s" in line for line in got.log)
 
 

@@ -58,7 +58,7 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n{'' if full else f'This takes {_about(seconds(name))}.'}\n")
     began, place = time.perf_counter(), Path(folder) / name
-    stopped = f"Demo {name!r} stopped by Ctrl-C; what was written so far is in {place}. It begins anew."
+    stopped = f"Demo {name!r} was stopped, by Ctrl-C or another signal to end; what was written so far is in {place}. It begins anew."
     try:
         run = load()
         if full and "full" not in inspect.signature(run).parameters:
