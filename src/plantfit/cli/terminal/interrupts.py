@@ -18,7 +18,10 @@ EXIT_CODE = 130
 GRACE = 0.7  # seconds that the main thread gets to end by itself
 COALESCED = 0.2  # seconds after which the main thread is asked whether it saw a second signal
 LAST_GRACE = 5.0  # the same where it has to leave a machine in a safe state
-SENTENCE = "Stopped, by Ctrl-C or another signal to end. `plantfit resume` goes on with a study; begin anything else anew."
+SENTENCE = (
+    "Stopped, by Ctrl-C or another signal to end. `plantfit resume` goes on with a study, `plantfit report` shows one that is done; "
+    "begin anything else anew."
+)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
