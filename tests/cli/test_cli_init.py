@@ -52,6 +52,22 @@ def test_what_is_said_names_each_column_and_the_next_command(tmp_path, capsys, m
     assert "Not sure" not in call(capsys, monkeypatch, "init", "noise.csv", "--force", "--input", "AI1", "--output", "AI0").out
 
 
+def test_an_output_that_nothing_moves_is_said_to_be_one(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    n = 1200
+    valve, supply = prbs(rng, n, 40, 0, 1), 60.0 + lag(np.cumsum(rng.normal(0, 0.05, n)), 1.0, 40.0)
+    outlet = lag(supply, 1.0, 8.0) - lag(valve, 20.0, 8.0)
+    columns = [np.arange(n), valve, supply + rng.normal(0, 0.02, n), outlet + rng.normal(0, 0.02, n)]
+    header = "t_s,valve_u,temp1_degC,temp2_degC"
+    np.savetxt(tmp_path / "ex.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    said = " ".join(call(capsys, monkeypatch, "init", "ex.csv", "--yes").out.split())
+    assert "No answer of temp1_degC to valve_u was found: leave it out, or take it as an input (--input 'temp1_degC')." in said
+    assert "temp2_degC answers to valve_u." in said
+    named = call(capsys, monkeypatch, "init", "ex.csv", "--force", "--input", "temp1_degC", "--input", "valve_u", "--output", "temp2_degC")
+    assert "No answer" not in named.out
+
+
 def test_named_columns_win(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     next(s for s in STYLES if s.name == "two.csv").write(tmp_path / "two.csv")

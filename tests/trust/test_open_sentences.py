@@ -5,7 +5,7 @@ import pytest
 
 from plantfit import Parameter, Problem, Recording, Signal, equations, fit
 from plantfit.trust.verdict.agreement import agreement_sentences
-from plantfit.trust.verdict.all_sentences import _combinations
+from plantfit.trust.verdict.all_sentences import _combinations, _refused, _steps
 from plantfit.trust.verdict.parameters import parameter_sentences
 
 X = np.linspace(0.05, 4.0, 200)
@@ -72,3 +72,45 @@ def test_many_directions_are_one_sentence():
     assert one["level"] == "warning"
     assert one["sentence"].startswith("Along 7 directions 8 parameters can move together")
     assert "loosest by a factor of 1.1e+03 " in one["sentence"]
+
+
+@pytest.mark.parametrize("zero_is_physical", [True, False])
+def test_a_value_on_zero_is_not_to_be_made_negative_where_physics_forbids_it(zero_is_physical):
+    """y = a x with a = -0.5 in truth and bounds from 0: only a limit of physics makes 0 the end."""
+    y = -0.5 * X + 0.05 * np.random.default_rng(2).normal(size=200)
+    limits = (0.0, np.inf) if zero_is_physical else (-np.inf, np.inf)
+    found = static("y = a*x", y, {"a": Parameter((0.0, 5.0), limits=limits)})
+    told = " ".join(s["sentence"] for s in found.findings["verdict"])
+    assert "a ended on its lower bound, 0" in told
+    assert "take it out of the model" in told
+    assert ("or widen the bound where it may be negative" in told) != zero_is_physical
+
+
+@pytest.mark.parametrize(("share", "level"), [(0.02, "good"), (0.2, "warning")])
+def test_the_error_of_a_simulation_is_told_at_its_worst_and_in_the_rms(share, level):
+    output = {"max_error": 0.004, "rms_error": share * 0.01, "rms_residual": 0.01, "unit": "A"}
+    simulation = {"outputs": {"i": output, "exact": {**output, "rms_residual": 0.0}}, "checked_with": "scipy LSODA"}
+    (said,) = _steps({"simulation": simulation, "recordings": [{}]})
+    assert said["level"] == level
+    assert "exact to 0.004 A at worst (scipy LSODA); in the rms it is off by" in said["sentence"]
+    assert f"{100 * share:.2g} % of the residual: {'negligible.' if level == 'good' else 'not negligible'}" in said["sentence"]
+
+
+def test_an_artefact_of_coarse_steps_is_told_where_one_was_left_out_only(total):
+    run = {"failures": 0, "evaluations": 1.0, "extra": {}}
+    told = [
+        list(_refused({"runs": [run, {**run, "extra": extra}]}, total.best)) for extra in ({}, {"refused": "The answer is refused: x."})
+    ]
+    assert told[0] == []
+    assert told[1][0]["sentence"] == "A run found an answer that is an artefact of coarse steps, and it was left out: x."
+
+
+def test_entries_of_tables_are_counted_among_what_is_determined():
+    def entry(k, status):
+        return {"name": f"k[{k}]", "parameter": "k", "index": [k], "status": status, "value": 1.0, "standard_error": 0.1, "unit": None,
+                "recording": None, "limits": None, "low": None, "high": None}  # fmt: skip
+
+    for known in (1, 2):
+        findings = {"parameters": [entry(k, "determined" if k < known else "flat") for k in range(3)]}
+        said = " ".join(s["sentence"] for s in parameter_sentences(findings))
+        assert f"The data determine {known} of 3 parameters: {known} {'entry' if known == 1 else 'entries'} of k." in said
