@@ -66,13 +66,15 @@ def started(code, tmp_path, command="methods"):
     return process
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("code", [BUSY, SWALLOWED], ids=["in C", "swallowed"])
-def test_ctrl_c_before_the_search_ends_whatever_runs(code, tmp_path):
+def test_a_signal_before_the_search_ends_whatever_runs_and_is_called_by_its_name(code, number, tmp_path):
     process = started(code + "\nwork = compute", tmp_path)
     time.sleep(0.2)  # into the computation
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, error = process.communicate(timeout=50)  # of 60 s or more that it would take
-    assert (process.returncode, error) == (130, f"plantfit: {SENTENCE}\n")
+    said = SENTENCE.format(cause="Ctrl-C" if number == signal.SIGINT else "the signal SIGTERM")
+    assert (process.returncode, error) == (130, f"plantfit: {said}\n")
 
 
 IN_A_PART = """

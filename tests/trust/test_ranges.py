@@ -185,3 +185,15 @@ def test_a_bound_of_the_search_on_a_partner_ends_no_range(known, seed):
     for name in set(boxes) - ({"q"} if known else set()):
         assert (f"{name} is not determined: the data allow any value above 0" in told) == (not known)
         assert (rows(found)[name]["status"] == "determined") == known
+
+
+@pytest.mark.parametrize("divides", [True, False])
+def test_a_divisor_on_a_bound_of_the_search_ends_no_range(divides):
+    """q may be as small as it likes: p/q then goes on below what q's bound allows. With p - q, p ends where q is nothing."""
+    x = np.linspace(0.1, 2.0, 200)
+    y = 2.0 * x + 1e-2 * np.random.default_rng(3).standard_normal(200)
+    boxes = {"p": (1e-4, 10.0), "q": (0.05, 10.0)} if divides else {"p": (1e-2, 10.0), "q": (1e-2, 10.0)}
+    parameters = {n: Parameter(b, scale="log") for n, b in boxes.items()}
+    model = equations("y = p/q*x" if divides else "y = (p - q)*x", inputs=["x"], outputs=["y"], parameters=list(boxes), check=False)
+    found = rows(fit(Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(x), "y": Signal(y)}, "run"), parameters), seed=1))["p"]
+    assert found["low"] == pytest.approx(0.0 if divides else 2.0, rel=5e-3)

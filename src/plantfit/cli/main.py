@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from plantfit.cli.terminal.failures import INSIDE, inside, shortened
-from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched
+from plantfit.cli.terminal.interrupts import SENTENCE, ending, watched, with_cause
 from plantfit.cli.terminal.overview import SECTIONS, sections
 from plantfit.errors import Interrupted, PlantfitError, PlantfitWarning
 
@@ -28,7 +28,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise Interrupted(SENTENCE) from None
+            raise Interrupted(with_cause(SENTENCE)) from None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         for title, rows in sections(self.list_commands(ctx)):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cli.arguments.file_names import file_name
-from plantfit.cli.terminal.interrupts import saying
+from plantfit.cli.terminal.interrupts import saying, with_cause
 from plantfit.cli.terminal.out import out, print_json, progress_line, verdict
 from plantfit.errors import Interrupted, SpecError
 
@@ -58,7 +58,7 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     if not json:
         out.print(f"[bold]{name}[/bold]: {sentence}\n{'' if full else f'This takes {_about(seconds(name))}.'}\n")
     began, place = time.perf_counter(), Path(folder) / name
-    stopped = f"Demo {name!r} was stopped, by Ctrl-C or another signal to end; what was written so far is in {place}. It begins anew."
+    stopped = f"Demo {name!r} was stopped by {{cause}}; what was written so far is in {place}. It begins anew."
     try:
         run = load()
         if full and "full" not in inspect.signature(run).parameters:
@@ -66,7 +66,7 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
         with progress_line(json) as tell, saying(stopped):
             record = run(place, progress=tell, **({"full": True} if full else {}))
     except KeyboardInterrupt:
-        raise Interrupted(stopped) from None
+        raise Interrupted(with_cause(stopped)) from None
     names = [file_name(a.problem.name.replace(" ", "_"), "html") for a in record["answers"]]
     pages = [a.report(place / file) for a, file in zip(record["answers"], names, strict=True)]
     if record["sections"]:

@@ -18,10 +18,7 @@ EXIT_CODE = 130
 GRACE = 0.7  # seconds that the main thread gets to end by itself
 COALESCED = 0.2  # seconds after which the main thread is asked whether it saw a second signal
 LAST_GRACE = 5.0  # the same where it has to leave a machine in a safe state
-SENTENCE = (
-    "Stopped, by Ctrl-C or another signal to end. `plantfit resume` goes on with a study, `plantfit report` shows one that is done; "
-    "begin anything else anew."
-)
+SENTENCE = "Stopped by {cause}. `plantfit resume` goes on with a study, `plantfit report` shows one that is done; begin anything else anew."
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -45,12 +42,13 @@ class _Watch:
     def __init__(self) -> None:
         self.stopping: Stopping | None = None
         self.sentence = SENTENCE
+        self.number = signal.SIGINT  # of the last signal
         self.ending = threading.Event()  # the main thread has noticed and says so itself
         self.over = threading.Event()
 
     def on_signal(self, number: int, frame: object) -> None:
         """In the main thread, when it comes to it."""
-        part = self.stopping
+        part, self.number = self.stopping, signal.Signals(number)
         if part is None:
             raise KeyboardInterrupt
         part.seen += 1
@@ -69,12 +67,13 @@ class _Watch:
             while (numbers := line.recv(64)) and 0 not in numbers:
                 for number in numbers:
                     if number in _SIGNALS:
+                        self.number = signal.Signals(number)
                         self.hit()
 
     def hit(self) -> None:
         part = self.stopping
         if part is None:
-            threading.Thread(target=self.end_after, args=(GRACE, lambda: self.sentence), daemon=True).start()
+            threading.Thread(target=self.end_after, args=(GRACE, lambda: with_cause(self.sentence)), daemon=True).start()
             return
         part.asked = True
         part.told += 1
@@ -162,7 +161,7 @@ def stoppable(
 
 @contextmanager
 def saying(sentence: str) -> Iterator[None]:
-    """What is said where Ctrl-C has to end the process inside."""
+    """What is said where a signal has to end the process inside, with {cause} for its name."""
     watch = _watch
     if watch is None:
         yield
@@ -172,6 +171,12 @@ def saying(sentence: str) -> Iterator[None]:
         yield
     finally:
         watch.sentence = before
+
+
+def with_cause(sentence: str) -> str:
+    """A sentence whose {cause} is what ended the process: Ctrl-C, or a signal by its name."""
+    number = signal.SIGINT if _watch is None else _watch.number
+    return sentence.replace("{cause}", "Ctrl-C" if number == signal.SIGINT else f"the signal {number.name}")
 
 
 def ending() -> None:

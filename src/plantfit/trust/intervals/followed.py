@@ -24,6 +24,8 @@ BETWEEN = 6  # places between the ends of a wide range that are looked at
 FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
 BEYOND = 1.5  # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
+INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
+FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 
 
@@ -185,7 +187,8 @@ class Followed:
             elif found.leans:  # a bound may hold what the data do not
                 if at == edge:
                     return float(self.limits[i][1 if sign > 0 else 0])
-                inside = replace(found, share=1.0)
+                inside, outside = replace(found, share=1.0), None  # a refit further out, from another place, says nothing beyond it
+                self.left = max(self.left, STEPS)
             else:
                 outside = found
             if probe == 0 and not on and inside.share < 1.0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
@@ -195,7 +198,7 @@ class Followed:
             if self.left <= 0 or (outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)):
                 break
             at, start = self._next(here, edge, inside, outside), None
-        if outside is not None and not inside.leans:
+        if outside is not None:
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
             return self._value(i, self._between(inside, outside) if near else outside.at)
         return self._unstopped(i, sign, inside, end)
@@ -303,7 +306,7 @@ class Followed:
         point[places] = block.x
         share = (block.cost - self.least) / top
         self.growths[point.tobytes()] = float(share) * top / self.linear.variance
-        return Place(at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(places, block, top))
+        return Place(at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(point, places, block, top))
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals and derivatives in few rows whose squares sum to those of all samples."""
@@ -311,16 +314,17 @@ class Followed:
         scale = np.sqrt(self.count / len(r))
         return r * scale, j * scale
 
-    def _leans(self, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
+    def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
         """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
         and whether physics limits all of them.
 
         By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off their bounds have
-        moved to their best: a refit may end a little before, and they go along with those on bounds.
+        moved to their best: a refit may end a little before, and they go along with those on bounds. A coordinate whose effect does not
+        fade towards its physical limit, as that of a divisor, may lower the sum to anything.
         """
-        inner, noticed, most = block.jacobian[:, (block.x > EDGE) & (block.x < 1.0 - EDGE)], False, 0.0
+        inner = block.jacobian[:, (block.x > EDGE) & (block.x < 1.0 - EDGE)]
         left = block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
-        gradient = 2.0 * block.jacobian.T @ left
+        gradient, most, noticed = 2.0 * block.jacobian.T @ left, 0.0, []
         for k, x, g in zip(places, block.x, gradient, strict=True):
             side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
             if side is None:
@@ -328,10 +332,25 @@ class Followed:
             bound = self.lower[k] if side == 0 else self.upper[k]
             room = abs(self.limits[k][side] - bound)
             slope = bound * np.log(self.upper[k] / self.lower[k]) if self.problem.space.log[k] else self.upper[k] - self.lower[k]
-            noticed |= abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top
+            if abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top:
+                noticed.append((int(k), side))
             most += abs(g) / slope * room
-        leans = bool(noticed and block.cost - self.least - most <= top)
+        enough = block.cost - self.least - most <= top
+        leans = bool(noticed) and (enough or any(self._steep(point, *c) for c in noticed))
         return leans, bool(not leans or np.isfinite(most))
+
+    def _steep(self, point: np.ndarray, k: int, side: int) -> bool:
+        """Whether what coordinate k does on its bound does not fade towards its physical limit: by its derivatives with respect to the
+        logarithm of the distance from there, on the bound and a little inside."""
+        bound, limit = (self.lower[k], self.limits[k][0]) if side == 0 else (self.upper[k], self.limits[k][1])
+        if not np.isfinite(limit) or bound == limit:
+            return False
+        inside = point.copy()
+        inside[k] = self._cube(k, limit + INSIDE * (bound - limit), float(1 - side))
+        self.left -= 2
+        effects = [abs(self._value(k, z[k]) - limit) / self.problem.space.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)]
+        at, beside = (float(np.linalg.norm(e)) for e in effects)
+        return bool(np.isfinite(at + beside) and np.log(max(beside, 1e-300) / max(at, 1e-300)) < FADES * np.log(INSIDE))
 
     def _cube(self, i: int, value: float, edge: float) -> float:
         """The place of a value on the edge i of the cube, inside the box."""
