@@ -200,3 +200,21 @@ def test_a_late_ctrl_c_does_not_end_in_a_traceback(tmp_path):
     said, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (0, "")
     assert "cleaned up" in said
+
+
+def test_what_has_to_happen_at_the_end_of_a_process_happens(tmp_path):
+    """The last search for cycles is left out, which costs neither functions of `atexit` nor temporary folders nor the exit code."""
+    code = f"""
+import atexit, gc, tempfile
+def work():
+    global folder
+    folder = tempfile.TemporaryDirectory(dir={str(tmp_path)!r})
+    folder.itself = folder  # a cycle
+    atexit.register(lambda: print("ended", gc.get_freeze_count() > 1000))
+    print("computing", gc.isenabled(), gc.get_threshold()[0] > 700, flush=True)
+    raise SystemExit(3)
+"""
+    process = started(code, tmp_path)
+    out, error = process.communicate(timeout=50)
+    assert (process.returncode, out, error) == (3, "ended True\n", "")
+    assert list(tmp_path.iterdir()) == []

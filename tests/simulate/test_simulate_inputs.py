@@ -92,6 +92,20 @@ def test_merged_grid_is_sorted_and_holds_every_sample_and_edge():
             np.testing.assert_array_equal(np.asarray(piece)[inside], np.searchsorted(k + d, middle))
 
 
+@pytest.mark.parametrize("channels", [0, 1, 2])
+def test_few_comparisons_and_a_search_give_the_same_grid(channels, monkeypatch):
+    rng = np.random.default_rng(channels)
+    t = np.cumsum(rng.uniform(0.1, 1.0, 40))
+    knots = tuple(np.sort(rng.choice(t, 7, replace=False)) for _ in range(channels))
+    for delays in itertools.product((0.0, 0.37, 5.0, 100.0), repeat=channels):  # ties at samples, and beyond the record
+        few = merge(t, knots, delays)
+        with monkeypatch.context() as searched:
+            searched.setattr("plantfit.simulate.steps.grid.FEW", 0)
+            many = merge(t, knots, delays)
+        assert jax.tree.all(jax.tree.map(lambda a, b: bool(np.array_equal(a, b)), few, many))
+        assert np.array_equal(few.sample, np.searchsorted(few.rank, np.arange(len(few.start)), side="right") - 1)
+
+
 @pytest.mark.parametrize("hold", ["previous", "linear"])
 def test_pieces_keep_only_real_changes(hold):
     t = np.arange(10.0)
