@@ -149,10 +149,11 @@ class Answer:
         `stop` says True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is not
         simulated over time.
         """
+        from plantfit.first_look import linear_beside
         from plantfit.trust.diagnosis import with_diagnosis
 
         started = time.perf_counter()
-        made = with_diagnosis(self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop)
+        made = with_diagnosis(self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop, linear=linear_beside)
         if made is not self.findings:
             seconds = {**made["reproduction"]["seconds"], "diagnosis": time.perf_counter() - started}
             made["reproduction"] = {**made["reproduction"], "seconds": seconds}

@@ -6,6 +6,7 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.first_look.baseline import Baseline, baseline
+    from plantfit.first_look.beside_model import linear_beside
     from plantfit.first_look.data import Data, data_of
     from plantfit.first_look.delay import Delay, reaction_delay
     from plantfit.first_look.frequency import FrequencyResponse, frequency_response
@@ -22,6 +23,7 @@ __all__ = [
     "data_of",
     "fit_linear",
     "frequency_response",
+    "linear_beside",
     "look",
     "reaction_delay",
 ]
@@ -30,6 +32,7 @@ names_of(
     __name__,
     {
         "baseline": "Baseline baseline",
+        "beside_model": "linear_beside",
         "data": "Data data_of",
         "delay": "Delay reaction_delay",
         "frequency": "FrequencyResponse frequency_response",

@@ -31,7 +31,7 @@ class Diagnosis:
     were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
     `dropped` were found first, and explain nothing beside what was found later; `exchanged` are pairs of what was found first and what fits
     better in its place then. `evaluations` of the cost were spent. It is `whole` where
-    the work allowed was enough for everything."""
+    the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found."""
 
     carrier: Carrier
     base: Fitted
@@ -43,6 +43,12 @@ class Diagnosis:
     whole: bool = True
     dropped: tuple[Extension, ...] = ()
     exchanged: tuple[tuple[Extension, Extension], ...] = ()
+    surpassed: bool = False
+
+    @property
+    def end(self) -> Fitted:
+        """The fit with all that was found."""
+        return (self.found[-1].at if self.found else None) or self.base
 
     @property
     def found(self) -> tuple[Trial, ...]:

@@ -15,7 +15,7 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
-from plantfit.trust.diagnosis.sentences import diagnosis_record
+from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
 from plantfit.trust.verdict.fit import noise_rows
@@ -42,13 +42,14 @@ def with_diagnosis(
     whole: bool = False,
     progress: Callable[[str], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    linear: Linear | None = None,
 ) -> Findings:
     """The findings of an answer with section "diagnosis" and the verdict that goes with it.
 
     They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The work is about
     twice the evaluations that `runs` spent, or those that simulate two million samples if that is more, and none for problems of over
     60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings say. `stop` ends it, and the findings then say
-    so. Raises ModelError only with `whole`, for a model that is not simulated over time.
+    so. `linear` as in `diagnosis_record`. Raises ModelError only with `whole`, for a model that is not simulated over time.
     """
     if not whole and not (asked_for(findings) and treatable(problem)):
         return findings
@@ -70,7 +71,7 @@ def with_diagnosis(
         if whole:
             raise
         return _said(findings, best, {"state": "left", "verdict": [say("info", f"What may be missing was not tried: {error}")]})
-    record = diagnosis_record(found, alone=False)
+    record = diagnosis_record(found, alone=False, linear=linear)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
     return _said(findings, best, {**record, **more, "next": _next(found, findings)})

@@ -1,9 +1,13 @@
 """What a diagnosis says: a plain record, sentences first."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
+import numpy as np
+
 from plantfit.findings import diagnosis as records
+from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
@@ -12,17 +16,27 @@ from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
 
+SOME = 1.3  # times the sample-to-sample noise: a linear model is looked at
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
-def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]:
+# problem, output, its fitted and unseen samples by recording, RMSE of both, noise from sample to sample, what the model is called; gives a
+# sentence or ""
+Masks = Mapping[str, tuple[np.ndarray, np.ndarray]]
+Linear = Callable[[Problem, str, Masks, tuple[float, float], float, str], str]
+
+
+def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | None = None) -> dict[str, Any]:
     """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines.
 
-    Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain.
+    Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain. `linear` may say
+    what a linear model without physics does on an output of which much is left (`first_look.linear_beside`).
     """
+    beside = [] if linear is None else list(_linear(diagnosis, linear))
+    diagnosis = replace(diagnosis, surpassed=bool(beside))
     return {
         "name": diagnosis.carrier.given.name,
-        "verdict": [*_sentences(diagnosis, alone), *(say("info", text) for text in of_packages()[1])],
+        "verdict": [*_sentences(diagnosis, alone), *beside, *(say("info", text) for text in of_packages()[1])],
         "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
         "rounds": [_round(diagnosis, r).plain() for r in diagnosis.rounds],
         "dropped": [e.name for e in diagnosis.dropped],
@@ -92,14 +106,14 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
         return None
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
-    much = bool(_much_left(d))  # a cause that the catalogue does not have may look like one that it has
+    much = d.surpassed or bool(_much_left(d))  # a cause that the catalogue does not have may look like one that it has
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
-    likely, much = likelihood(d, one), bool(_much_left(d))
+    likely, much = likelihood(d, one), d.surpassed or bool(_much_left(d))
     left = "what is left" if k == 0 else "what is then left"
     text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if one.untried:
@@ -148,10 +162,31 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
         )
 
 
+def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
+    """What a linear model does where more than noise is left after all that was found."""
+    given, rows, end = d.carrier.given, d.carrier.rows, d.end
+    for output, times in by_output(d.carrier, end, d.apart).items():
+        if times <= SOME:
+            continue
+        used, squares = {}, ([], [])
+        for name, e in given.experiments.items():
+            at, masks = rows.part(name, output), np.zeros((2, len(e.recording)), dtype=bool)
+            for mask, own, found in zip(masks, (rows.fit, rows.unseen), squares, strict=True):
+                part = at[own[at] & ~d.apart[at]]
+                mask[rows.sample[part]] = True
+                found.append((end.residuals[part] / rows.weight[part] * given.scales[output]) ** 2)
+            used[name] = (masks[0], masks[1])
+        fit, unseen = (np.concatenate(s) for s in squares)
+        rmse = float(np.sqrt(np.mean(fit)))
+        later = float(np.sqrt(np.mean(unseen))) if len(unseen) else float("nan")
+        box = "this one and what was found" if d.found else "this one"
+        if text := linear(given, output, used, (rmse, later), rmse / times, box):
+            yield say("warning", text)
+
+
 def _much_left(d: Diagnosis) -> dict[str, float]:
     """By output how many times its noise is left after all that was found, where that is `MUCH`."""
-    end = d.found[-1].at if d.found else None
-    return {o: times for o, times in by_output(d.carrier, end or d.base, d.apart).items() if times > MUCH}
+    return {o: times for o, times in by_output(d.carrier, d.end, d.apart).items() if times > MUCH}
 
 
 def _shown(t: Trial) -> str:

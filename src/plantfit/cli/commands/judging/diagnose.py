@@ -23,12 +23,13 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     from plantfit import spec
 
     study = spec.load(path)
+    from plantfit.first_look import linear_beside
     from plantfit.trust.diagnosis import diagnosis_record
     from plantfit.trust.looks import problem_looks
 
     found = _tried(study, only, json)
     looks = [look.record for look in problem_looks(found.carrier.given)]
-    record = {**diagnosis_record(found), "data": looks}
+    record = {**diagnosis_record(found, linear=linear_beside), "data": looks}
     written = _written(study, found, record, place, force, only)
     if json:
         return print_json({**record, **written})

@@ -1,0 +1,97 @@
+"""The best linear model beside a grey box that leaves much: does what is missing look linear, and does it oscillate?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from plantfit.errors import RecordingError
+from plantfit.first_look.baseline import Baseline, baseline
+from plantfit.first_look.data import data_of
+from plantfit.models.model import Model
+from plantfit.problem.problem import Problem
+
+BETTER = 0.5  # of the grey box's RMSE, on fitted and on unseen samples, from which on a linear model says something
+NOISE, CLOSER = 1.1, 0.8  # or so many times the noise on fitted samples, and that part of the RMSE on unseen ones
+DAMPED = 0.7  # damping ratio from which on nobody sees an oscillation
+FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
+LONGEST = 20_000  # samples of a recording beyond which it takes long
+ORDERS = (1, 2, 3)
+
+Used = Mapping[str, tuple[np.ndarray, np.ndarray]]  # recording -> its fitted and its unseen samples (n,) bool
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """The slowest pair of poles that is seen to oscillate: `period` in s and `damping` ratio."""
+
+    period: float
+    damping: float
+
+    @property
+    def lag(self) -> float:
+        """T in T v' = r - v, s, with which x' = v oscillates so where x' = r is a lag of first order."""
+        return self.period * np.sqrt(1.0 - self.damping**2) / (4.0 * np.pi * self.damping)
+
+
+def linear_beside(problem: Problem, output: str, used: Used, rmse: tuple[float, float], noise: float, box: str = "this one") -> str:
+    """A sentence where a linear model follows an output far better than the grey box, or to the noise; else "".
+
+    `box` is what the sentence calls the grey box. Its RMSE on fitted and unseen samples (NaN where there are none) and the noise are in
+    the output's unit.
+    """
+    model, period = problem.model, {float(np.median(np.diff(e.recording.t))) for e in problem.experiments.values()}
+    assert isinstance(model, Model)
+    inputs = [n for n in model.inputs if n not in problem.outputs]
+    if not inputs or any(len(e.recording) > LONGEST for e in problem.experiments.values()):
+        return ""
+    try:
+        records = [
+            data_of(e.recording, inputs, output, *used[name], None if len(period) == 1 else min(period))
+            for name, e in problem.experiments.items()
+        ]
+        found = baseline(records, ORDERS)
+    except RecordingError:
+        return ""
+    parts = [found.rmse[part] / mine for part, mine in zip(("fit", "unseen"), rmse, strict=True) if np.isfinite(mine)]
+    if max(parts) > BETTER and not (found.rmse["fit"] <= NOISE * noise and max(parts) <= CLOSER):
+        return ""
+    unit = "" if model.outputs[output] in (None, "", "1") else f" {model.outputs[output]}"
+    unseen = f", on unseen data {found.rmse['unseen']:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
+    text = (
+        f"{found.sentence} follows {output} with an RMSE of {found.rmse['fit']:.3g}{unit}, {box} with {rmse[0]:.3g}{unseen}: "
+        "what is missing is mostly linear."
+    )
+    return f"{text} {_what(model, found)}".strip()
+
+
+def _what(model: Model, found: Baseline) -> str:
+    """What the poles of the linear model say about the equations."""
+    own = tuple(s for s in model.states if s not in {b.state for b in model.backlashes})
+    wave, order = oscillation(found), found.chosen.order
+    if wave is None:
+        return f"The model has {_states(len(own))}; write one more." if order > len(own) else ""
+    text = f"It oscillates with a period of {wave.period:.3g} s and a damping ratio of {wave.damping:.2g}"
+    if len(own) != 1:
+        return f"{text}; see whether the equations can oscillate so."
+    x = own[0]
+    return (
+        f"{text}, which one state cannot. Let the rate of {x} have inertia: {x}' = v and v' = (r - v)/T, where r is what stands for {x}' "
+        f"now and T is about {wave.lag:.2g} s."
+    )
+
+
+def _states(count: int) -> str:
+    return f"{count} state{'s' * (count != 1)}" if count else "no state"
+
+
+def oscillation(found: Baseline) -> Oscillation | None:
+    """The slowest pair of poles of a linear model whose oscillation can be seen; None where there is none."""
+    pairs = []
+    for z in found.chosen.poles:
+        if z.imag > 0 and abs(z) < 1.0 and np.angle(z) < FAST * np.pi:
+            s = np.log(z) / found.chosen.period
+            damping = float(-s.real / abs(s))
+            if damping < DAMPED:
+                pairs.append(Oscillation(float(2.0 * np.pi / s.imag), damping))
+    return max(pairs, key=lambda pair: pair.period, default=None)

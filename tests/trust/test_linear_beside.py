@@ -1,0 +1,59 @@
+"""A model of first order on a plant that oscillates: no addition explains it, and the best linear model says what does."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.signal import lsim, lti
+
+from plantfit import Parameter, Problem, Recording, Signal, equations, fit
+
+FIRST = "x' = (K*u - x)/tau\ny = x"
+OWN = {"K": Parameter((0.01, 100.0), scale="log"), "tau": Parameter((0.01, 100.0), scale="log")}
+
+
+def record(seed, omega, damping, gain=2.0, noise=0.02, n=600, curve=lambda y: y):
+    """Steps of random length into gain/(s^2/omega^2 + 2 damping s/omega + 1), sampled every 0.1 s."""
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(n)
+    u = np.repeat(rng.choice([-1.0, 0.0, 1.0, 2.0], size=n // 20), 20)
+    _, y, _ = lsim(lti([gain], [1 / omega**2, 2 * damping / omega, 1.0]), u, t, interp=False)
+    y = curve(y) + noise * np.ptp(y) * rng.standard_normal(n)
+    return Recording(t, {"u": Signal(u, "V"), "y": Signal(y, "m")}, "run")
+
+
+def told(text, recording, parameters, split=0.7):
+    model = equations(
+        text, inputs={"u": "V"}, states=re.findall(r"(\w)' =", text), outputs={"y": "m"}, parameters=list(parameters), check=False
+    )
+    answer = fit(Problem(model, recording, parameters, split=split), budget=1000, seed=1)
+    found = answer.diagnose()
+    return answer, [s for s in found["verdict"] if s["sentence"].startswith("A linear model")] if found else []
+
+
+@pytest.mark.parametrize(("omega", "damping"), [(1.2, 0.17), (3.0, 0.4), (0.7, 0.05)])
+def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damping):
+    recording = record(3, omega, damping)
+    _, said = told(FIRST, recording, OWN)
+    (one,) = said
+    assert one["level"] == "warning"
+    period, zeta = (float(v) for v in re.findall(r"period of ([\d.]+) s and a damping ratio of ([\d.]+),", one["sentence"])[0])
+    assert period == pytest.approx(2 * np.pi / (omega * np.sqrt(1 - damping**2)), rel=0.03)
+    assert zeta == pytest.approx(damping, rel=0.15)
+    start = float(re.findall(r"T is about ([\d.]+) s\.", one["sentence"])[0])
+    assert start == pytest.approx(1 / (2 * damping * omega), rel=0.15)
+    better = {**OWN, "T": Parameter((start / 20, start * 20), scale="log")}
+    answer, again = told("x' = v\nv' = ((K*u - x)/tau - v)/T\ny = x", recording, better)
+    assert again == []
+    assert answer.values["K"] == pytest.approx(2.0, rel=0.02)
+    assert all(r["white"] for r in answer.findings["residual_tests"])
+
+
+@pytest.mark.parametrize("kind", ["right", "curved", "lagged"])
+def test_where_a_linear_model_does_not_say_it_nothing_is_said(kind):
+    if kind == "curved":  # a linear model leaves as much
+        recording = record(4, 20.0, 1.0, curve=lambda y: y + 0.8 * y**2)
+    else:
+        recording = record(4, 20.0 if kind == "right" else 1.5, 1.0 if kind == "right" else 1.2)
+    _, said = told(FIRST, recording, OWN)
+    assert said == []  # a further lag is among the additions and explains it
