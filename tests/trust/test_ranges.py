@@ -197,3 +197,46 @@ def test_a_divisor_on_a_bound_of_the_search_ends_no_range(divides):
     model = equations("y = p/q*x" if divides else "y = (p - q)*x", inputs=["x"], outputs=["y"], parameters=list(boxes), check=False)
     found = rows(fit(Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(x), "y": Signal(y)}, "run"), parameters), seed=1))["p"]
     assert found["low"] == pytest.approx(0.0 if divides else 2.0, rel=5e-3)
+
+
+FAMILIES = {  # all parameters may grow or shrink together: bounds of the search must end no range
+    "quotients": ("y = p*u/(q + r*v) + s*w/(r*v + q)", {"p": 0.3, "q": 0.05, "r": 2.0, "s": 0.7}),
+    "mixed": ("y = p*u/r + q*v/(r + s*w)", {"p": 0.3, "q": 0.05, "r": 2.0, "s": 0.7}),
+    "powers": ("y = a*b^2*u/c", {"a": 2.0, "b": 3.0, "c": 1.0}),
+}
+
+
+def scaled_fit(text, truth, seed, box):
+    """The fit of static equations with one percent of noise, bounds `box` times around values some way off the truth."""
+    rng = np.random.default_rng(seed)
+    inputs = {name: rng.uniform(0.5, 2.0, 200) for name in "uvw" if name in text}
+    y = eval(text.removeprefix("y = ").replace("^", "**"), {}, {**inputs, **truth})
+    y = y + 0.01 * np.std(y) * rng.standard_normal(200)
+    parameters = {n: Parameter((v / box * np.exp(0.5 * rng.normal()), v * box), scale="log") for n, v in truth.items()}
+    model = equations(text, inputs=list(inputs), outputs=["y"], parameters=list(truth), check=False)
+    signals = {**{n: Signal(v) for n, v in inputs.items()}, "y": Signal(y)}
+    return fit(Problem(model, Recording(np.arange(200) * 1.0, signals, "run"), parameters), seed=seed)
+
+
+@pytest.mark.parametrize("box", [3.0, 20.0])
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("family", list(FAMILIES))
+def test_what_scales_together_has_no_ends(family, seed, box):
+    for row in rows(scaled_fit(*FAMILIES[family], seed, box)).values():
+        assert (row["status"], row["low"], row["open"]) == ("flat", 0.0, "upper")
+
+
+@pytest.mark.parametrize("box", [3.0, 20.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_sums_that_share_a_term_end_where_physics_ends_them(seed, box):
+    """a + b = 5 and b + c = 4 with nothing below 0: a is 1 to 5, b and c are 0 to 4, whatever the bounds."""
+    found = rows(scaled_fit("y = (a + b)*u + (b + c)*v", {"a": 2.0, "b": 3.0, "c": 1.0}, seed, box))
+    for name, low, high in (("a", 1.0, 5.0), ("b", 0.0, 4.0), ("c", 0.0, 4.0)):
+        assert found[name]["low"] == pytest.approx(low, abs=0.03)
+        assert found[name]["high"] == pytest.approx(high, rel=0.15)  # as near as a cliff is looked for
+
+
+@pytest.mark.parametrize("box", [3.0, 20.0])
+def test_what_is_known_is_known_in_any_box(box):
+    found = rows(scaled_fit("y = a*u/(b + u) + c", {"a": 2.0, "b": 3.0, "c": 1.0}, 3, box))
+    assert [found[n]["status"] for n in ("a", "b", "c")] == ["determined"] * 3

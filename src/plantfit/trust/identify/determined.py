@@ -188,7 +188,7 @@ def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: 
             continue
         own = trial * linear.size[at] / linear.values[at]
         variance = float(own @ block @ own)
-        if variance / float(own @ own) > max(LOOSE**2 * least, (0.04 * ROUGH) ** 2) or np.sqrt(variance) > ROUGH:
+        if variance / float(own @ own) > max(LOOSE**2 * least, (0.04 * ROUGH) ** 2) or variance > ROUGH**2:
             continue
         trial = trial * np.sign(trial[np.argmax(np.abs(trial) == 1.0)]) if np.sum(trial > 0) == 0 else trial
         values = np.exp(np.sum(np.log(np.abs(cloud[:, at])) * trial, axis=1))

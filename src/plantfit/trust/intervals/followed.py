@@ -11,6 +11,7 @@ from plantfit.optimize.local.separable import Block
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
+from plantfit.trust.intervals.room import Room
 
 STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
@@ -20,12 +21,14 @@ NEAR = 0.15  # of an end's distance: how near it is found where the linear probl
 ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
 WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
+CLIFF = 10.0  # growth over the threshold where a parabola from the last place inside would have much less
 BETWEEN = 6  # places between the ends of a wide range that are looked at
 FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
 BEYOND = 1.5  # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
+ENOUGH = 0.5  # of the threshold: a refit that has come so far is inside
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 
 
@@ -51,18 +54,19 @@ class Place:
 class Followed:
     """Ranges of the coordinates of `problem` around the cube point z (d,), with at most so many Jacobians.
 
-    The box is all that can be simulated. Where a range reaches its end, or a refit leans on a bound that is no physical limit, the
-    linear problem says how it goes on.
+    Points are those of a cube of its own, `room`, which reaches some way beyond the bounds of the search. Where a range reaches its end,
+    or a refit leans on a bound of it that is no physical limit, the linear problem says how it goes on.
     """
 
     def __init__(self, problem: Problem, z: np.ndarray, linear: Linear, allowed: int):
-        self.problem, self.z, self.linear, self.left = problem, np.asarray(z, dtype=float), linear, allowed
+        self.problem, self.room, self.linear, self.left = problem, Room.of(problem), linear, allowed
+        self.z = self.room.inner(z)
         self.count = sum(problem.parts.counts.values())
         self.first = self._rows(self.z)
         self.least = float(self.first[0] @ self.first[0])
         space = problem.space
         self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
-        self.lower, self.upper, self.slopes = space.lower, space.upper, space.slopes(self.z)
+        self.lower, self.upper = self.room.lower, self.room.upper
         self.times = 1.0  # the threshold, how much an answer may cost
         self.met: list[np.ndarray] = []
         self.growths = {self.z.tobytes(): 0.0}  # of the sum of squares over the variance, at every point that a refit ended at
@@ -131,7 +135,7 @@ class Followed:
             found.low, found.high = beyond.low, beyond.high
 
     def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
-        """The point (d,) where a search from another one's `end` stops, if it costs little more than the answer."""
+        """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the answer; both of `room`."""
         block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
         top = float(np.max(self.linear.threshold)) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
@@ -161,8 +165,7 @@ class Followed:
         if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
             return end
         here = Place(float(self.z[i]), 0.0, self.z, *self.first)
-        if self.left <= 0:
-            return self._unstopped(i, sign, here, end)
+        self.left = max(self.left, 2 * STEPS)
         return self._march(i, sign, here, self._cube(i, end, edge), self._point(x), end)
 
     def _march(self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False) -> float:
@@ -170,13 +173,19 @@ class Followed:
 
         `on`: from elsewhere, where `at` is no end of the linear problem; refits that succeed are not counted then.
         """
-        here, edge, outside = float(self.z[i]), 0.0 if sign < 0 else 1.0, None
+        here, edge, outside, again = float(self.z[i]), 0.0 if sign < 0 else 1.0, None, None
         if at == inside.at:
             return self._beyond(i, sign, inside.share, end)
         for probe in range(PROBES):
             left = self.left
-            found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start)
+            # at the edge of the box the growth itself says how the range goes on
+            enough = 0.5 * SLIGHT if at == edge else ENOUGH
+            found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start, enough)
             if found is None or (found.share > 1.0 and not (found.settled and found.limited)):  # too far for one refit, or for the box
+                if found is not None and found.leans:
+                    outside = None  # what was found further out, from another place, says nothing
+                    if self._beyond_bounds(i, inside) and inside.share < 0.5:
+                        break  # far enough
                 if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
                     break
                 at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
@@ -193,12 +202,23 @@ class Followed:
                 outside = found
             if probe == 0 and not on and inside.share < 1.0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
                 return end
-            if at == edge and found.share <= 1.0:
-                return self._beyond(i, sign, found.share, end)
-            if self.left <= 0 or (outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)):
+            if at == edge and found.share <= 1.0:  # what a bound of the search holds grows, and not what the data do
+                return float(self.limits[i][1 if sign > 0 else 0]) if found.leans else self._beyond(i, sign, found.share, end)
+            near = outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)
+            if self.left <= 0:
                 break
+            if near and outside is not None:
+                if outside.share < CLIFF or (inside.share > 0.1 and not inside.leans):
+                    break
+                if outside.at != again:  # a refit from far away may have ended in another valley
+                    again, at, start, outside = outside.at, outside.at, None, None
+                    continue
+                if not self._beyond_bounds(i, inside):
+                    break
             at, start = self._next(here, edge, inside, outside), None
         if outside is not None:
+            if inside.leans and self._beyond_bounds(i, inside):
+                return float(self.limits[i][1 if sign > 0 else 0])  # what holds it so far out is a bound of the room
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
             return self._value(i, self._between(inside, outside) if near else outside.at)
         return self._unstopped(i, sign, inside, end)
@@ -212,9 +232,15 @@ class Followed:
         if inside.point is self.z:  # nothing was found out
             return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
         reached = self._value(i, inside.at)
+        if self._beyond_bounds(i, inside) and inside.share < 0.5:
+            return limit  # far, and nothing has stopped it yet
         if sign * (reached - end) <= 0.0:
             return end
         return limit if inside.share < 0.5 or inside.leans else reached  # a bound of the search stopped it there, and not the data
+
+    def _beyond_bounds(self, i: int, place: "Place") -> bool:
+        """Whether coordinate i has left the bounds of the search."""
+        return not 0.0 <= float(self.room.outer(place.point)[i]) <= 1.0
 
     def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
         """The place to try next."""
@@ -269,8 +295,9 @@ class Followed:
         self.left -= 1
         return Place(float(point[i]), self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]), point, *self._rows(point))
 
-    def _grown(self, i: int, at: float, start: np.ndarray) -> "Place | None":
-        """The others fitted anew with coordinate i held, from `start` (d,); None where it cannot be simulated."""
+    def _grown(self, i: int, at: float, start: np.ndarray, enough: float = ENOUGH) -> "Place | None":
+        """The others fitted anew with coordinate i held, from `start` (d,), until the growth is `enough` of the threshold; None where it
+        cannot be simulated."""
         point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
         point[i] = at
         top = self.times * self.linear.threshold[i] * self.linear.variance
@@ -290,7 +317,7 @@ class Followed:
             return None
         settled = not len(places)
         for _ in range(STEPS if len(places) else 0):
-            if block.cost - self.least <= 0.5 * top:
+            if block.cost - self.least <= enough * top:
                 break  # inside, which is what was asked
             step, promised = block.step()
             settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * (block.cost - self.least)))
@@ -310,9 +337,9 @@ class Followed:
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals and derivatives in few rows whose squares sum to those of all samples."""
-        r, j = points.compressed(self.problem, z)
+        r, j = points.compressed(self.problem, self.room.outer(z))
         scale = np.sqrt(self.count / len(r))
-        return r * scale, j * scale
+        return r * scale, j * self.room.width * scale
 
     def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
         """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
@@ -348,7 +375,7 @@ class Followed:
         inside = point.copy()
         inside[k] = self._cube(k, limit + INSIDE * (bound - limit), float(1 - side))
         self.left -= 2
-        effects = [abs(self._value(k, z[k]) - limit) / self.problem.space.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)]
+        effects = [abs(self._value(k, z[k]) - limit) / self.room.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)]
         at, beside = (float(np.linalg.norm(e)) for e in effects)
         return bool(np.isfinite(at + beside) and np.log(max(beside, 1e-300) / max(at, 1e-300)) < FADES * np.log(INSIDE))
 
@@ -358,16 +385,15 @@ class Followed:
             return edge
         whole = self.linear.values.copy()
         whole[i] = value
-        return float(self.problem.space.cube(whole)[i])
+        return float(self.room.cube(whole)[i])
 
     def _point(self, x: np.ndarray) -> np.ndarray:
         """The cube point of the linear problem's x (d,), inside the box; the answer where that is far."""
         if not np.all(np.isfinite(x)) or np.max(np.abs(x), initial=0.0) > 1.0:
             return self.z
-        return np.clip(self.problem.space.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0)
+        return np.clip(self.room.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0)
 
     def _value(self, i: int, at: float) -> float:
         whole = self.z.copy()
         whole[i] = at
-        with np.errstate(over="ignore"):
-            return float(np.asarray(self.problem.space.physical(whole))[i])
+        return float(self.room.physical(whole)[i])

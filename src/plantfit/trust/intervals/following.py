@@ -1,6 +1,7 @@
 """Ranges of all parameters followed on the problem itself, each end by `followed.py`, and joined where a valley bends."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,9 +30,9 @@ def followed_ranges(
     found = {i: walk.range(i) for i in range(d)}
     seen: set[int] = set()
     for end in _far_apart([z, *others], OTHERS + 1)[1:]:
-        _hold(walk, found, end)
+        _hold(walk, found, walk.room.inner(end))
     while True:
-        _joined(problem, walk, found)
+        _joined(walk, found)
         open_ones = [i for i in found if not walk.narrow(i, found[i])]
         new = [i for i in open_ones if i not in seen]
         if not new or len(open_ones) == d:  # nothing has changed, or nothing is left that might be called determined
@@ -45,25 +46,29 @@ def followed_ranges(
     if open_ones:
         for i in sorted(set(found) - set(open_ones)):
             walk.look_beyond(i, found[i], _starts([walk.z, *(z for own in found.values() for z in own.points)], i))
-    return found
+    return {i: replace(own, points=[walk.room.outer(w) for w in own.points]) for i, own in found.items()}
 
 
 def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
     """Widen the ranges to another end of a search that costs as little, and follow them from there."""
-    if np.max(np.abs(end - walk.z)) <= APART:
+    if _near(walk, end):
         return
     place = walk.elsewhere(end)
     if place is None:
         return
     place = _named_alike(walk, found, place)
-    if np.max(np.abs(place - walk.z)) <= APART:
+    if _near(walk, place):
         return
     for i, own in found.items():
         if walk.growths[place.tobytes()] <= walk.linear.threshold[i]:
             own.points.append(place)
-    _joined(walk.problem, walk, found)
+    _joined(walk, found)
     for i, own in found.items():  # a value may be the same there, and go elsewhere from there
         walk.go_on(i, own, [place])
+
+
+def _near(walk: Followed, place: np.ndarray) -> bool:
+    return bool(np.max(np.abs(walk.room.outer(place) - walk.room.outer(walk.z))) <= APART)
 
 
 def _named_alike(walk: Followed, found: Mapping[int, Range], place: np.ndarray) -> np.ndarray:
@@ -72,12 +77,12 @@ def _named_alike(walk: Followed, found: Mapping[int, Range], place: np.ndarray) 
     Open coordinates may be anywhere in it, and say nothing of an exchange.
     """
     fixed = np.array([walk.narrow(i, found[i]) for i in range(len(place))])
-    symmetry = same_by_symmetry(walk.problem, walk.z, np.where(fixed, place, walk.z))
+    symmetry = same_by_symmetry(walk.problem, walk.room.outer(walk.z), walk.room.outer(np.where(fixed, place, walk.z)))
     if symmetry is None:
         return place
-    values, back = np.asarray(walk.problem.space.physical(place)), np.zeros(len(place))
+    values, back = walk.room.physical(place), np.zeros(len(place))
     back[list(symmetry.source)] = np.array(symmetry.sign) * values
-    alike = np.clip(walk.problem.space.cube(back), 0.0, 1.0)
+    alike = np.clip(walk.room.cube(back), 0.0, 1.0)
     walk.growths[alike.tobytes()] = walk.growths[place.tobytes()]
     return alike
 
@@ -101,12 +106,12 @@ def _far_apart(met: Sequence[np.ndarray], most: int) -> list[np.ndarray]:
     return [met[k] for k in chosen]
 
 
-def _joined(problem: Problem, walk: Followed, found: Mapping[int, Range]) -> None:
+def _joined(walk: Followed, found: Mapping[int, Range]) -> None:
     """Widen every range by the points that were met on the way to other ends and cost as little: a valley may bend there."""
     met = [z for r in found.values() for z in r.points]
     if not met:
         return
-    values = np.asarray(problem.space.physical(np.array(met)))
+    values = walk.room.physical(np.array(met))
     growths = np.array([walk.growths[z.tobytes()] for z in met])
     for i, own in found.items():
         near = values[growths <= walk.linear.threshold[i], i]

@@ -52,9 +52,9 @@ EXACT = 1e-9  # of a value: standard errors below are those of rounded numbers, 
 
 def estimate(p: dict[str, Any]) -> str:
     """`R = 2.31 ± 0.04 ohm`, rounded by the standard error; `R = 2.31 ohm (exact to rounding)` where that says no more."""
-    error = p["standard_error"]
+    error, unit = p["standard_error"], "" if p["unit"] in (None, "1") else p["unit"]
     if error and error <= EXACT * abs(p["value"]):
-        return f"{p['name']} = {p['value']:.9g} {p['unit'] or ''}".rstrip() + " (exact to rounding)"
+        return f"{p['name']} = {p['value']:.9g} {unit}".rstrip() + " (exact to rounding)"
     if not error:
         return f"{p['name']} = {with_unit(p['value'], p['unit'])}"
     digits = max(0, 1 - int(np.floor(np.log10(error)))) if error < 10 else 0
@@ -65,7 +65,7 @@ def estimate(p: dict[str, Any]) -> str:
         body = f"({p['value'] / 10.0**power:.{digits}f} ± {scaled:.{digits}f})e{power}"
     else:
         body = f"{p['value']:.{digits}f} ± {error:.{digits}f}"
-    return f"{p['name']} = {body} {p['unit'] or ''}".rstrip()
+    return f"{p['name']} = {body} {unit}".rstrip()
 
 
 def study_file(findings: Mapping[str, Any]) -> str:

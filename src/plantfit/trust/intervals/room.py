@@ -1,0 +1,63 @@
+"""Where ranges are followed: the box of the search and some way beyond it, as far as physics and the simulation allow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.problem import Problem
+
+FACTOR = 30.0  # times beyond a bound on a logarithmic scale
+WIDTHS = 2.0  # widths of the box beyond a bound on a linear one
+
+
+@dataclass(frozen=True)
+class Room:
+    """A cube w of its own over coordinates z = first + width w of the problem's; (d,) each. Values lie from `lower` to `upper` in it.
+
+    A bound of the search says nothing about a parameter. Where others keep its partners in their bounds, its range ends there and not where
+    the data end it.
+    """
+
+    problem: Problem
+    first: np.ndarray
+    width: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem) -> "Room":
+        """A dead time ends at its upper bound, for which the past was kept."""
+        space, model = problem.space, problem.model
+        least, most = np.array([c.limits for c in space.coordinates]).reshape(-1, 2).T
+        beyond = WIDTHS * (space.upper - space.lower)
+        lower = np.where(space.log, space.lower / FACTOR, space.lower - beyond)
+        upper = np.where(space.log, space.upper * FACTOR, space.upper + beyond)
+        late = {d.parameter for d in (*getattr(model, "delays", ()), *getattr(model, "state_delays", ()))}
+        kept = np.array([c.parameter in late for c in space.coordinates], dtype=bool)
+        lower = np.where(least < space.lower, np.maximum(lower, least), space.lower)
+        upper = np.where((most > space.upper) & ~kept, np.minimum(upper, most), space.upper)
+        first, last = space.cube(lower), space.cube(upper)
+        first, last = np.where(lower == space.lower, 0.0, first), np.where(upper == space.upper, 1.0, last)
+        return cls(problem, first, last - first, lower, upper)
+
+    def inner(self, z: np.ndarray) -> np.ndarray:
+        """Points (..., d) of the problem's cube in this one."""
+        return (np.asarray(z, dtype=float) - self.first) / self.width
+
+    def outer(self, w: np.ndarray) -> np.ndarray:
+        """Points (..., d) of this cube in the problem's, some of them outside of it."""
+        return self.first + self.width * np.asarray(w, dtype=float)
+
+    def physical(self, w: np.ndarray) -> np.ndarray:
+        """Values (..., d) in their units."""
+        with np.errstate(over="ignore"):
+            return np.asarray(self.problem.space.physical(self.outer(w)))
+
+    def cube(self, values: np.ndarray) -> np.ndarray:
+        """The point (..., d) of values in their units."""
+        return self.inner(self.problem.space.cube(values))
+
+    def slopes(self, w: np.ndarray) -> np.ndarray:
+        """Derivative (d,) of each value by its own coordinate at a point (d,)."""
+        return self.problem.space.slopes(self.outer(w)) * self.width
