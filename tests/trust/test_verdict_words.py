@@ -14,6 +14,11 @@ def test_a_standard_error_of_rounding_is_told_as_such(error, said):
     assert estimate({"name": "R", "value": 2.0, "standard_error": error, "unit": "ohm"}) == said
 
 
+@pytest.mark.parametrize(("unit", "said"), [("V", "k = 0.500 ± 0.020 V"), ("1", "k = 0.500 ± 0.020"), (None, "k = 0.500 ± 0.020")])
+def test_a_number_without_unit_is_told_without(unit, said):
+    assert estimate({"name": "k", "value": 0.5, "standard_error": 0.02, "unit": unit}) == said
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_exact_data_give_exact_parameters_and_noisy_ones_do_not(noise):
     u = np.linspace(-1, 1, 40)
