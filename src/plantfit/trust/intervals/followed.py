@@ -285,7 +285,8 @@ class Followed:
             return float(limit)
         edge = 0.0 if sign < 0 else 1.0
         reached, value = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share)), self.linear.values[i]
-        if abs(reached - value) > OUTSIDE * abs(self._value(i, edge) - value):
+        last = self._value(i, edge)
+        if abs(reached - value) > OUTSIDE * abs(last - value) or (self.problem.space.log[i] and reached < last / OUTSIDE):
             return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
