@@ -46,6 +46,16 @@ def test_unseen_samples_hold_only_where_something_is_explained(percent, unseen, 
     assert told["sentence"].endswith("it holds.") is (level == "good")
 
 
+@pytest.mark.parametrize("slow", [True, False])
+def test_a_middling_fit_holds_only_where_noise_allows_no_more(slow):
+    """60 % explained on fitted and unseen samples alike: what is left is slow, or noise from sample to sample."""
+    left = np.sin(np.arange(400) / 40.0) + 0.05 * noise(400, 0.0) if slow else noise(400, 0.0)
+    (told,) = unseen_sentences(findings(left, np.zeros(400), unseen=0.9 * float(np.std(left)), percent=60.0))
+    assert told["level"] == ("warning" if slow else "good")
+    assert told["sentence"].endswith("times the noise from sample to sample.") is slow
+    assert told["sentence"].endswith("it holds.") is not slow
+
+
 def test_a_poor_percentage_of_pure_noise_holds():
     (told,) = unseen_sentences(findings(noise(400, 0.0), np.zeros(400), unseen=1.05, percent=1.0))
     assert told["level"] == "good"

@@ -12,6 +12,7 @@ GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
+MUCH = 3.0  # times that noise: more is left than noise
 SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
 
 Findings = Mapping[str, Any]
@@ -111,11 +112,18 @@ def _held_level(ratio: float) -> str:
     return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
 
 
-def _poor(findings: Findings, row: Row) -> bool:
-    """Whether little of an unseen output is explained, and not for its noise from sample to sample."""
+def _but(findings: Findings, row: Row) -> str | None:
+    """What is to be said where an unseen output is followed as well as the fitted samples, and badly, though its noise from sample to
+    sample would allow more; else None."""
     percent = row["fit_percent"]
     noise = max((r["noise"] for r in noise_rows(findings) if r["output"] == row["output"]), default=None)
-    return bool(percent is not None and percent < POOR and (noise is None or row["rmse"] > FLOOR * noise))
+    if percent is None or (noise is not None and row["rmse"] <= FLOOR * noise):
+        return None
+    if percent < POOR:
+        return f"no worse than there, but a fit of {percent:.0f} % only"
+    if percent < GOOD and noise and row["rmse"] > MUCH * noise:
+        return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
+    return None
 
 
 def _unseen(findings: Findings, row: Row) -> Sentence:
@@ -124,9 +132,9 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     if not base:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
-    level, words = _held_level(ratio), None
-    if level == "good" and _poor(findings, row):
-        level, words = "warning", f"no worse than there, but a fit of {row['fit_percent']:.0f} % only"
+    level = _held_level(ratio)
+    words = _but(findings, row) if level == "good" else None
+    level = "warning" if words else level
     text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
 
