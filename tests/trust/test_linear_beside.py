@@ -49,6 +49,19 @@ def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damp
     assert all(r["white"] for r in answer.findings["residual_tests"])
 
 
+def test_a_gain_of_the_other_sign_is_named():
+    _, (one,) = told(FIRST, record(5, 20.0, 5.0, gain=-3.0), OWN)
+    assert float(re.findall(r"Its static gain from u is (-[\d.]+); see", one["sentence"])[0]) == pytest.approx(-3.0, rel=0.02)
+
+
+def test_a_disturbance_that_another_state_imitates_on_fitted_samples_is_no_state():
+    slow = record(6, 20.0, 5.0, noise=0.005)
+    y = slow["y"] + 3.0 * np.sin(2 * np.pi * slow.t / 150.0)
+    _, said = told("x' = (K*u - x)/tau\ny = x + c", Recording(slow.t, {"u": Signal(slow["u"], "V"), "y": Signal(y, "m")}, "run"),
+                   {**OWN, "c": Parameter((-10.0, 10.0))})  # fmt: skip
+    assert said == []
+
+
 @pytest.mark.parametrize("kind", ["right", "curved", "lagged"])
 def test_where_a_linear_model_does_not_say_it_nothing_is_said(kind):
     if kind == "curved":  # a linear model leaves as much

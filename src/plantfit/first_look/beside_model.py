@@ -1,21 +1,22 @@
 """The best linear model beside a grey box that leaves much: does what is missing look linear, and does it oscillate?"""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from plantfit.errors import RecordingError
 from plantfit.first_look.baseline import Baseline, baseline
-from plantfit.first_look.data import data_of
+from plantfit.first_look.data import Data, data_of
+from plantfit.first_look.linear import LinearFit, fit_linear
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 
-BETTER = 0.5  # of the grey box's RMSE, on fitted and on unseen samples, from which on a linear model says something
-NOISE, CLOSER = 1.1, 0.8  # or so many times the noise on fitted samples, and that part of the RMSE on unseen ones
+NOISE, CLOSER = 1.5, 0.8  # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
 DAMPED = 0.7  # damping ratio from which on nobody sees an oscillation
 FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long
+SLOW = 0.5  # of the shortest recording: periods above are those of disturbances
 ORDERS = (1, 2, 3)
 
 Used = Mapping[str, tuple[np.ndarray, np.ndarray]]  # recording -> its fitted and its unseen samples (n,) bool
@@ -35,7 +36,7 @@ class Oscillation:
 
 
 def linear_beside(problem: Problem, output: str, used: Used, rmse: tuple[float, float], noise: float, box: str = "this one") -> str:
-    """A sentence where a linear model follows an output far better than the grey box, or to the noise; else "".
+    """A sentence where a linear model follows an output to its noise, and the grey box does not; else "".
 
     `box` is what the sentence calls the grey box. Its RMSE on fitted and unseen samples (NaN where there are none) and the noise are in
     the output's unit.
@@ -50,27 +51,45 @@ def linear_beside(problem: Problem, output: str, used: Used, rmse: tuple[float, 
             data_of(e.recording, inputs, output, *used[name], None if len(period) == 1 else min(period))
             for name, e in problem.experiments.items()
         ]
-        found = baseline(records, ORDERS)
+        best = baseline(records, ORDERS)
     except RecordingError:
         return ""
-    parts = [found.rmse[part] / mine for part, mine in zip(("fit", "unseen"), rmse, strict=True) if np.isfinite(mine)]
-    if max(parts) > BETTER and not (found.rmse["fit"] <= NOISE * noise and max(parts) <= CLOSER):
+    for fit in best.fits:  # the fewest states that do
+        own = [_rmse(records, fit, part) for part in ("fit", "unseen")]
+        if all(v <= min(NOISE * noise, CLOSER * mine) for v, mine in zip(own, rmse, strict=True) if np.isfinite(mine)):
+            break
+    else:
         return ""
+    rested = fit_linear([replace(d, rested=True) for d in records], fit.order, fit.shifts, begin=fit)
+    found = replace(best, chosen=fit)
+    wave, length = oscillation(found), min(d.period * len(d.y) for d in records)
+    if rested is None or _rmse(records, rested, "fit") > CLOSER * rmse[0] or (wave is not None and wave.period > SLOW * length):
+        return ""  # modes that no input moves imitate a disturbance
     unit = "" if model.outputs[output] in (None, "", "1") else f" {model.outputs[output]}"
-    unseen = f", on unseen data {found.rmse['unseen']:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
+    unseen = f", on unseen data {own[1]:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
     text = (
-        f"{found.sentence} follows {output} with an RMSE of {found.rmse['fit']:.3g}{unit}, {box} with {rmse[0]:.3g}{unseen}: "
+        f"{found.sentence} follows {output} with an RMSE of {own[0]:.3g}{unit}, {box} with {rmse[0]:.3g}{unseen}: "
         "what is missing is mostly linear."
     )
-    return f"{text} {_what(model, found)}".strip()
+    return f"{text} {_what(model, found, inputs)}".strip()
 
 
-def _what(model: Model, found: Baseline) -> str:
-    """What the poles of the linear model say about the equations."""
+def _rmse(records: Sequence[Data], fit: LinearFit, part: str) -> float:
+    """RMSE of a linear model on the fitted or unseen samples of all records; NaN where there are none."""
+    masks = [d.fitted if part == "fit" else d.unseen for d in records]
+    errors = np.concatenate([(y - d.y)[m] for y, d, m in zip(fit.simulated, records, masks, strict=True)])
+    return float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
+
+
+def _what(model: Model, found: Baseline, inputs: Sequence[str]) -> str:
+    """What the poles and gains of the linear model say about the equations."""
     own = tuple(s for s in model.states if s not in {b.state for b in model.backlashes})
     wave, order = oscillation(found), found.chosen.order
     if wave is None:
-        return f"The model has {_states(len(own))}; write one more." if order > len(own) else ""
+        if order > len(own):
+            return f"The model has {_states(len(own))}; write one more."
+        gains = [f"from {u} is {gain:.3g}" for u, gain in zip(inputs, found.chosen.gains, strict=True)]
+        return f"Its static gain {', '.join(gains)}; see whether equations and bounds allow that."
     text = f"It oscillates with a period of {wave.period:.3g} s and a damping ratio of {wave.damping:.2g}"
     if len(own) != 1:
         return f"{text}; see whether the equations can oscillate so."

@@ -43,6 +43,11 @@ class LinearFit:
         """Whether all poles lie inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1.0))
 
+    @property
+    def gains(self) -> np.ndarray:
+        """What the output does at last for a step of one of each input (m,)."""
+        return np.sum(self.b, axis=1) / (1.0 + np.sum(self.f))
+
     def dead_times(self) -> tuple[float, ...]:
         """Of every input, s: the samples before its first coefficient that counts, less the one that a held input takes."""
         first = [int(np.argmax(np.abs(row) >= WEIGHTY * np.max(np.abs(row)))) if np.any(row) else 0 for row in self.b]

@@ -144,7 +144,8 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
         text += ", and none of it is more than chance or holds on unseen data"
-    return say("good" if alone and best < 0.05 else "info", text + ".", explained=best)
+    good = alone and best < 0.05 and not d.surpassed and not _much_left(d)
+    return say("good" if good else "info", text + ".", explained=best)
 
 
 def _best(one: Round) -> float:
