@@ -17,6 +17,7 @@ from plantfit.trust.diagnosis.treatment import addition_lines, changed
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
 
 SOME = 1.3  # times the sample-to-sample noise: a linear model is looked at
+MORE = 1.5  # times that noise: what was found is not all, or stands for something else
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
@@ -106,14 +107,14 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
         return None
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
-    much = d.surpassed or bool(_much_left(d))  # a cause that the catalogue does not have may look like one that it has
+    much = _stands_for_more(d)
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
-    likely, much = likelihood(d, one), d.surpassed or bool(_much_left(d))
+    likely, much = likelihood(d, one), _stands_for_more(d)
     left = "what is left" if k == 0 else "what is then left"
     text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if one.untried:
@@ -183,6 +184,11 @@ def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
         box = "this one and what was found" if d.found else "this one"
         if text := linear(given, output, used, (rmse, later), rmse / times, box):
             yield say("warning", text)
+
+
+def _stands_for_more(d: Diagnosis) -> bool:
+    """Whether what was found may stand for something else: a cause that is not in the catalogue may look like one that is."""
+    return d.surpassed or any(times > MORE for times in by_output(d.carrier, d.end, d.apart).values())
 
 
 def _much_left(d: Diagnosis) -> dict[str, float]:
