@@ -194,3 +194,28 @@ def test_every_parameter_says_what_it_is(capsys, monkeypatch, tmp_path):
     assert len(told) > 3
     assert "static gain from u to T" in told
     assert "dead time of T" in told
+
+
+@pytest.mark.parametrize(("name", "unit"), [
+    ("temp1_degC", "degC"), ("heater_V", "V"), ("speed_rad_s", "rad/s"), ("p_mbar", "mbar"), ("level_pct", "%"), ("flow_l_min", "l/min"),
+    ("run_1", None), ("x_m", None), ("motor_A", None), ("T_K", None), ("_V", None), ("degC", None), ("leverage", None), ("phase_s", None),
+])  # fmt: skip
+def test_a_unit_that_a_name_ends_in_is_taken_where_it_is_sure(name, unit):
+    from plantfit.recording.readers.columns import unit_in_name
+
+    assert unit_in_name(name) == unit
+
+
+def test_units_of_names_and_umlauts_reach_the_study(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    t, u, x = np.arange(300.0), np.repeat(rng.uniform(0, 10, 15), 20), np.zeros(300)
+    for k in range(299):
+        x[k + 1] = x[k] + (2 * u[k] - x[k]) / 25
+    rows = "\n".join(f"{a:.1f};{b:.3f};{c:.3f};{c + 3:.3f}" for a, b, c in zip(t, u, x + rng.normal(0, 0.1, 300), strict=True))
+    (tmp_path / "tank.csv").write_text("time_s;heater_V;temp_degC;Füllstand (mm)\n" + rows, "utf-8")
+    assert call(capsys, monkeypatch, "init", "tank.csv", "--yes").code == 0
+    text = (tmp_path / "tank.toml").read_text("utf-8")
+    assert 'units = { heater_V = "V", temp_degC = "degC" }' in text
+    assert 'Fuellstand = "Füllstand (mm)"' in text
+    assert call(capsys, monkeypatch, "check", "tank.toml").code == 0

@@ -89,6 +89,22 @@ def split_header(header: str) -> tuple[str, str | None]:
     return header.strip(), unit if logarithmic(unit) else None
 
 
+# endings of names that are hardly anything else; of single letters only two, since T_A and x_m may be anything
+_ENDINGS = {
+    "degC": "degC", "degF": "degF", "rpm": "rpm", "RPM": "rpm", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "m_s": "m/s",
+    "rad": "rad", "deg": "deg", "mm": "mm", "cm": "cm", "km": "km", "kg": "kg", "mbar": "mbar", "bar": "bar", "kPa": "kPa", "hPa": "hPa",
+    "Pa": "Pa", "mV": "mV", "kV": "kV", "V": "V", "mA": "mA", "kW": "kW", "W": "W", "kWh": "kWh", "Hz": "Hz", "kHz": "kHz",
+    "ohm": "ohm", "pct": "%", "percent": "%", "l_min": "l/min", "lpm": "l/min", "m3_h": "m^3/h", "l_h": "l/h",
+}  # fmt: skip
+_ENDED = re.compile(rf".*[^_\W]_(?P<unit>{'|'.join(sorted(_ENDINGS, key=len, reverse=True))})")
+
+
+def unit_in_name(name: str) -> str | None:
+    """The unit that a name without brackets ends in, as in "temp1_degC"; None where it ends in none that is sure."""
+    found = _ENDED.fullmatch(name.strip())
+    return _ENDINGS[found["unit"]] if found else None
+
+
 def identifier(name: str) -> str:
     """The name with everything that a formula cannot hold replaced by underscores."""
     clean = re.sub(r"\W+", "_", name).strip("_")

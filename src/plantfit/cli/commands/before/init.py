@@ -138,7 +138,12 @@ def _range(c: "ColumnSummary") -> str:
 
 
 def _unit(c: "ColumnSummary") -> str:
-    return f" [{c.unit}]" if c.unit else ""
+    if c.unit:
+        return f" [{c.unit}]"
+    from plantfit.recording.readers.columns import unit_in_name
+
+    named = unit_in_name(c.header) if c.kind == "number" else None
+    return f" [{named}, by its name]" if named else ""
 
 
 def _chosen(
@@ -197,6 +202,8 @@ def _asked(what: str, guess: list[str], usable: "list[Role]", source: str) -> li
 
 
 def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str], outputs: list[str]) -> list[Link]:
+    from plantfit.recording.readers.columns import unit_in_name
+
     symbols: dict[str, str] = {}
     by_header = {r.header: r for r in roles.columns}
     for k, header in enumerate((*inputs, *outputs)):
@@ -211,7 +218,8 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
         if c.minimum is None or c.maximum is None or c.minimum == c.maximum:
             raise RecordingError(f"Column {header!r} never moves, so that nothing can be said of it; name another.")
         first = float(c.first_number if c.first_number is not None else c.minimum)
-        return Signal(symbols[header], header, c.unit, c.minimum, c.maximum, first)
+        named = None if c.unit else unit_in_name(header)
+        return Signal(symbols[header], header, c.unit or named, c.minimum, c.maximum, first, named is not None)
 
     signals = {h: signal(h) for h in (*inputs, *outputs)}
     links = []
@@ -221,10 +229,15 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
     return links
 
 
+_LETTERS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "æ": "ae", "œ": "oe", "ø": "oe", "ł": "l"}
+)
+
+
 def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
     taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*|t|e|pi", name)
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()  # a bare key of TOML has no accents
+    plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()  # a bare key of TOML has no accents
     return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 

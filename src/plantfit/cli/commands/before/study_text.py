@@ -64,7 +64,8 @@ seed = 1
 
 @dataclass(frozen=True)
 class Signal:
-    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value."""
+    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value; `named` where the unit is
+    the end of its name."""
 
     symbol: str
     header: str
@@ -72,6 +73,7 @@ class Signal:
     low: float
     high: float
     first: float
+    named: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ def study_text(
         time=time, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
         signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in (*inputs, *outputs)),
-        units="# units = { ... }      # for columns whose header gives none\n" if bare else "",
+        units=_units([s for s in (*inputs, *outputs) if s.named], bare),
         input=inputs[0].symbol, first=inputs[0].first, output=outputs[0].symbol,
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
@@ -172,6 +174,14 @@ class _Plant:
         if self.kind != "first":
             text += _parameter(f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s")
         return text
+
+
+def _units(named: Sequence[Signal], bare: bool) -> str:
+    """The line of units that no header gives in brackets."""
+    if named:
+        table = ", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in named)
+        return f"units = {{ {table} }}    # by the names of the columns: correct them\n"
+    return "# units = { ... }      # for columns whose header gives none\n" if bare else ""
 
 
 def _parameter(name: str, told: str, low: float, high: float, unit: str | None, log: bool = False) -> str:
