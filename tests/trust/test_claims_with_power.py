@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim, lti
 
-from plantfit.trust.validate.residual_tests import cross_correlation, independent, whiteness
+from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, whiteness
 from plantfit.trust.verdict.fit import noise_rows, residual_sentences, unseen_sentences
 
 
@@ -15,7 +15,7 @@ def findings(measured, simulated, u=None, rmse=1.0, unseen=None, percent=90.0):
     cross = {}
     if u is not None:
         c = cross_correlation(residual, u)
-        cross = {"u": {"bound": c.bound, "independent": independent(c)}}
+        cross = {"u": {"bound": c.bound, "independent": independent(c), "explained": explained_by_past(residual, u)}}
     score = {"recording": "run", "output": "y", "unit": "V", "bias": 0.0}
     scores = [{**score, "part": "fit", "rmse": rmse, "fit_percent": 90.0}]
     scores += [] if unseen is None else [{**score, "part": "validation", "rmse": unseen, "fit_percent": percent}]
@@ -35,6 +35,24 @@ def test_residuals_do_not_follow_inputs_where_they_could_be_seen_to(memory, slow
     (told,) = residual_sentences(findings(noise(400, memory), np.zeros(400), u))
     assert "are not white" in told["sentence"]
     assert ("it does not follow the inputs" in told["sentence"]) is said
+
+
+@pytest.mark.parametrize(("omega", "damping"), [(1.2, 0.17), (3.0, 0.4)])
+def test_residuals_of_an_oscillation_follow_the_input_though_no_lag_correlates(omega, damping):
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.choice([-1.0, 0.0, 1.0, 2.0], 30), 20)
+    y = lsim(lti([1.0], [1 / omega**2, 2 * damping / omega, 1.0]), u, 0.1 * np.arange(600), interp=False)[1] - u
+    left = y - y.mean() + 0.05 * rng.standard_normal(600)
+    assert explained_by_past(left, u) > 0.7
+    (told,) = residual_sentences(findings(left, np.zeros(600), u))
+    assert "it depends on u" in told["sentence"]
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8, 0.95])
+def test_residuals_that_know_nothing_of_an_input_are_not_foretold_by_it(memory):
+    found = [explained_by_past(noise(1500, memory, s), np.repeat(np.random.default_rng(s).normal(size=75), 20)) for s in range(20)]
+    assert np.mean(np.array(found) < 0.05) >= 0.8
+    assert max(found) < 0.6
 
 
 @pytest.mark.parametrize(("percent", "unseen", "level"), [(90.0, 1.1, "good"), (30.0, 1.1, "warning"), (30.0, 3.0, "bad")])

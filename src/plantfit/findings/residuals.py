@@ -10,6 +10,8 @@ class Cross(Record):
     values: Values
     bound: Number = None
     independent: bool
+    explained: Number = None
+    """Share of the residual's mean square that the past of the input foretells in stretches left out."""
 
 
 class ResidualTest(Record):

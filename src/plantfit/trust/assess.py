@@ -34,7 +34,7 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows,
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
-from plantfit.trust.validate.residual_tests import cross_correlation, independent, measured_rows, whiteness
+from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import ROUNDING
 
@@ -177,7 +177,10 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 if np.std(u) == 0:
                     continue
                 c = cross_correlation(residual, u)
-                cross[i] = Cross(lags_s=(c.lags * period).tolist(), values=c.values.tolist(), bound=c.bound, independent=independent(c))
+                cross[i] = Cross(
+                    lags_s=(c.lags * period).tolist(), values=c.values.tolist(), bound=c.bound, independent=independent(c),
+                    explained=explained_by_past(residual, u),
+                )  # fmt: skip
             yield ResidualTest(
                 recording=name,
                 output=output,

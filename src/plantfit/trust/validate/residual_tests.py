@@ -1,5 +1,6 @@
 """Is anything left in the residuals: autocorrelation, and correlation with the inputs."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,10 @@ class Correlation:
     lags: np.ndarray
     values: np.ndarray
     bound: float
+
+
+MOST_LAGS, POINTS, FEWEST = 100, 500, 150  # of `explained_by_past`
+RIDGES = (1e-3, 1e-2, 0.1, 1.0)  # times the mean power of a lag
 
 
 def autocorrelation(residuals: np.ndarray, lags: int) -> np.ndarray:
@@ -60,6 +65,39 @@ def independent(correlation: Correlation) -> bool:
     k = len(correlation.values)
     wide = -scipy.special.ndtri(0.5 * (1.0 - 0.99 ** (1.0 / k))) / 1.96
     return bool(np.max(np.abs(correlation.values)) <= wide * correlation.bound)
+
+
+def explained_by_past(residuals: np.ndarray, signal: np.ndarray) -> float:
+    """Share of the residuals' (n,) mean square, NaN where missing, that the past of a signal (n,) foretells in stretches left out.
+
+    A linear combination of up to `MOST_LAGS` past values by ridge regression, on at most `POINTS` means of neighbouring samples, fifths
+    of the record left out in turn; the best of some weights of the ridge. A lightly damped answer may correlate with its input at no single
+    lag. About zero or below where the residual does not follow the signal; NaN for records too short.
+    """
+    width = max(1, -(-len(residuals) // POINTS))
+    n = len(residuals) // width
+    if n < FEWEST:
+        return float("nan")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are missing
+        r, u = (np.nanmean(np.asarray(v, dtype=float)[: n * width].reshape(n, width), axis=1) for v in (residuals, signal))
+    lags = min(MOST_LAGS, n // 4)
+    u = np.where(np.isfinite(u), u, np.nanmean(u))
+    past = np.lib.stride_tricks.sliding_window_view(u, lags + 1)[:, ::-1]
+    r = r[lags:]
+    known = np.isfinite(r)
+    past, r = past[known] - past[known].mean(axis=0), r[known] - np.mean(r[known])
+    folds = np.array_split(np.arange(len(r)), 5)
+    size = float(np.sum(past**2)) / (lags + 1)
+    left = {w: 0.0 for w in RIDGES}
+    for fold in folds:
+        rest = np.setdiff1d(np.arange(len(r)), fold)
+        a, b = past[rest].T @ past[rest], past[rest].T @ r[rest]
+        for w in RIDGES:
+            found = np.linalg.solve(a + w * max(size, 1e-300) * np.eye(lags + 1), b)
+            left[w] += float(np.sum((r[fold] - past[fold] @ found) ** 2))
+    total = float(r @ r)
+    return 1.0 - min(left.values()) / total if total > 0 else float("nan")
 
 
 def measured_rows(residuals: np.ndarray) -> np.ndarray:

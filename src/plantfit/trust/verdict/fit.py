@@ -13,6 +13,7 @@ FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
+FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
 SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
 
 Findings = Mapping[str, Any]
@@ -198,6 +199,17 @@ def _allow(findings: Findings) -> str:
     return 'do not allow for it (standard_errors = "robust" does)' if classical else "allow for it"
 
 
+def _follows(c: Mapping[str, Any]) -> bool:
+    """Whether the residual depends on an input: at one lag, or by a combination of many."""
+    return not c["independent"] or (c.get("explained") or 0.0) > FORETOLD
+
+
+def _unmoved(c: Mapping[str, Any]) -> bool:
+    """Whether a dependence would have been seen, and was not."""
+    explained = c.get("explained")
+    return c["bound"] <= SEEN and explained is not None and explained < UNTOLD
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = _where(findings, row)
     if row["white"]:
@@ -208,7 +220,7 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
         f"standard errors {_allow(findings)}, and something systematic is missing"
     )
-    left = [i for i, c in row["cross"].items() if not c["independent"]]
+    left = [i for i, c in row["cross"].items() if _follows(c)]
     if row.get("shared") and not left:
         text = text.removesuffix(", and something systematic is missing")
         return say(
@@ -221,7 +233,7 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
-        if row["cross"] and all(c["bound"] <= SEEN for c in row["cross"].values()) and not _disagree(findings)
+        if row["cross"] and all(_unmoved(c) for c in row["cross"].values()) and not _disagree(findings)
         else "."
     )
     return say("warning", text, correlation=_next(row))
@@ -241,7 +253,7 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         named = _diagnosed(findings)["named"]
-        left = [] if named else [r for r in coloured if any(not c["independent"] for c in r["cross"].values())]
+        left = [] if named else [r for r in coloured if any(_follows(c) for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 

@@ -8,6 +8,8 @@ from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, s
 
 Row = Mapping[str, Any]
 LISTED = 8  # estimates in one sentence
+APART = 3  # parameters of one kind that have a sentence each; more share one
+HARDLY = 100.0  # times its lower end, from which on the upper end of a range leaves little known
 UNEVEN = 1.5  # times as far as 1.96 standard errors, from which on an interval is told beside them
 
 
@@ -22,11 +24,18 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
     needs = (findings.get("determined") or {}).get("only_if", {})
-    for status, one, many in (("weak", _weak, _weaks), ("flat", _flat, _flats), ("at bound", _bound, _bounds)):
+    for status, one, many, all_of in (
+        ("weak", _weak, _weaks, _all_weak), ("flat", _flat, _flats, _all_flat), ("at bound", _bound, _bounds, None),
+    ):  # fmt: skip
         rows = [p for p in single if p["status"] == status]
-        for name in dict.fromkeys(p.get("parameter", p["name"]) for p in rows):
-            own = [p for p in rows if p.get("parameter", p["name"]) == name]
-            yield from (one(p, needs) for p in own) if len(own) <= FEW else (many(name, own),)
+        by_name = {
+            n: [p for p in rows if p.get("parameter", p["name"]) == n] for n in dict.fromkeys(p.get("parameter", p["name"]) for p in rows)
+        }
+        for name, own in by_name.items():
+            if len(own) > FEW:
+                yield many(name, own)
+        few = [p for own in by_name.values() if len(own) <= FEW for p in own]
+        yield from all_of(few, needs) if all_of and len(few) > APART else (one(p, needs) for p in few)
 
 
 def _denied(findings: Mapping[str, Any]) -> str:
@@ -115,14 +124,68 @@ def _first_values(findings: Mapping[str, Any]) -> Iterator[Sentence]:
 
 
 def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
-    between = _between(p)
-    if between and p["low"] <= 0.0 <= p["high"]:
-        text = f"{p['name']} cannot be told from zero: the data allow {between}.{_condition(p, needs)}"
-    elif between and not (p["standard_error"] or 0.0) < abs(p["value"]):
-        text = f"{p['name']} is only roughly known: the data allow {between}.{_condition(p, needs)}"
-    else:
-        text = f"{p['name']} is only roughly known: {_told(p)}{f', {between}' if between else ''}.{_condition(p, needs)}"
+    text = f"{p['name']} {_WEAK[_kind(p)]}: {_roughly(p)}.{_condition(p, needs)}"
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
+
+
+_WEAK = {"zero": "cannot be told from zero", "hardly": "is hardly known", "roughly": "is only roughly known"}
+_ALL_WEAK = {"zero": "cannot be told from zero", "hardly": "are hardly known", "roughly": "are only roughly known"}
+
+
+def _kind(p: Row) -> str:
+    """How little is known: the range holds zero, spans powers of ten, or is wide beside the value."""
+    if not _between(p):
+        return "roughly"
+    if p["low"] <= 0.0 <= p["high"]:
+        return "zero"
+    low, high = sorted((abs(p["low"]), abs(p["high"])))
+    return "hardly" if high > HARDLY * low else "roughly"
+
+
+def _roughly(p: Row) -> str:
+    """The value with its standard error where that says something, and the range."""
+    between = _between(p)
+    if between and (_kind(p) != "roughly" or not (p["standard_error"] or 0.0) < abs(p["value"])):
+        return f"the data allow {between}"
+    return f"{_told(p)}{f', {between}' if between else ''}"
+
+
+def _all_weak(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence for each kind of many that are known a little."""
+    for kind, words in _ALL_WEAK.items():
+        own = [p for p in rows if _kind(p) == kind]
+        if len(own) > 1:
+            told = "; ".join(f"{_briefly(p)}{_if_known(p, needs)}" for p in own)
+            yield say("warning", f"{len(own)} parameters {words}: {told}.", parameters=len(own))
+        else:
+            yield from (_weak(p, needs) for p in own)
+
+
+def _briefly(p: Row) -> str:
+    told = _roughly(p)
+    return told.replace("the data allow", f"{p['name']}", 1) if told.startswith("the data allow") else told
+
+
+def _if_known(p: Row, needs: Mapping[str, Any]) -> str:
+    return f" (determined if {needs[p['name']]['known']} is known)" if p["name"] in needs else ""
+
+
+def _all_flat(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence for each way in which many are left open."""
+    own = [p for p in rows if not p.get("equal_answers")]
+    yield from (_flat(p, needs) for p in rows if p.get("equal_answers"))
+    ways = {p["name"]: _allowed(p) for p in own}
+    for way in dict.fromkeys(ways.values()):
+        alike = [p for p in own if ways[p["name"]] == way]
+        if len(alike) == 1:
+            yield _flat(alike[0], needs)
+            continue
+        text = f"{len(alike)} parameters are not determined, {some([p['name'] for p in alike], len(alike))}: of each {way}."
+        if told := [_condition(p, needs).strip() for p in alike if p["name"] in needs]:
+            first = next(p["name"] for p in alike if p["name"] in needs)
+            text += f" {told[0].replace('It is', f'{first} is', 1)}"
+            text += f" So it is with {len(told) - 1} more of them." if len(told) > 1 else ""
+        yield say("bad", text, parameters=len(alike))
 
 
 def _between(p: Row) -> str:
