@@ -15,7 +15,8 @@ def said(rows, **determined):
 
 
 @pytest.mark.parametrize(("low", "high", "words"), [
-    (0.4, 2.0, "a is only roughly known: a = 1.00 ± 0.30 V, 0.4 to 2 V."), (1e-4, 266.0, "a is hardly known: the data allow 0.0001 to 266 V."),
+    (0.4, 2.0, "a is only roughly known: a = 1.00 ± 0.30 V, 0.4 to 2 V."),
+    (1e-4, 266.0, "a is hardly known: the data allow 0.0001 to 266 V."),
     (0.0, 2.0, "a cannot be told from zero: the data allow 0 to 2 V."),
 ])  # fmt: skip
 def test_how_little_is_known_is_told_by_the_range(low, high, words):
@@ -46,5 +47,5 @@ def test_many_that_are_open_share_a_sentence_and_its_condition():
     (one,) = said(rows, combinations=[], only_if={"k": need, "c": need}, sound=True)
     assert one == (
         "4 parameters are not determined, m, k, c and b: of each the data allow any value above 0. k is determined only if m is known: "
-        "with m = 2 kg, k = 1.00 ± 0.10 V. So it is with 1 more of them."
+        "with m = 2 kg, k = 1.00 ± 0.10 V. The same holds for 1 more."
     )

@@ -124,12 +124,14 @@ def _first_values(findings: Mapping[str, Any]) -> Iterator[Sentence]:
 
 
 def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
-    text = f"{p['name']} {_WEAK[_kind(p)]}: {_roughly(p)}.{_condition(p, needs)}"
+    kind = _kind(p)
+    if kind == "zero":
+        text = f"{p['name']} cannot be told from zero: {_roughly(p)}.{_condition(p, needs)}"
+    elif kind == "hardly":
+        text = f"{p['name']} is hardly known: {_roughly(p)}.{_condition(p, needs)}"
+    else:
+        text = f"{p['name']} is only roughly known: {_roughly(p)}.{_condition(p, needs)}"
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
-
-
-_WEAK = {"zero": "cannot be told from zero", "hardly": "is hardly known", "roughly": "is only roughly known"}
-_ALL_WEAK = {"zero": "cannot be told from zero", "hardly": "are hardly known", "roughly": "are only roughly known"}
 
 
 def _kind(p: Row) -> str:
@@ -152,13 +154,19 @@ def _roughly(p: Row) -> str:
 
 def _all_weak(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentence]:
     """One sentence for each kind of many that are known a little."""
-    for kind, words in _ALL_WEAK.items():
+    for kind in ("zero", "hardly", "roughly"):
         own = [p for p in rows if _kind(p) == kind]
-        if len(own) > 1:
-            told = "; ".join(f"{_briefly(p)}{_if_known(p, needs)}" for p in own)
-            yield say("warning", f"{len(own)} parameters {words}: {told}.", parameters=len(own))
-        else:
+        if len(own) < 2:
             yield from (_weak(p, needs) for p in own)
+            continue
+        told = "; ".join(f"{_briefly(p)}{_if_known(p, needs)}" for p in own)
+        if kind == "zero":
+            text = f"{len(own)} parameters cannot be told from zero: {told}."
+        elif kind == "hardly":
+            text = f"{len(own)} parameters are hardly known: {told}."
+        else:
+            text = f"{len(own)} parameters are only roughly known: {told}."
+        yield say("warning", text, parameters=len(own))
 
 
 def _briefly(p: Row) -> str:
@@ -184,7 +192,7 @@ def _all_flat(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentenc
         if told := [_condition(p, needs).strip() for p in alike if p["name"] in needs]:
             first = next(p["name"] for p in alike if p["name"] in needs)
             text += f" {told[0].replace('It is', f'{first} is', 1)}"
-            text += f" So it is with {len(told) - 1} more of them." if len(told) > 1 else ""
+            text += f" The same holds for {len(told) - 1} more." if len(told) > 1 else ""
         yield say("bad", text, parameters=len(alike))
 
 
