@@ -4,7 +4,7 @@ import os
 import re
 import tempfile
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -31,7 +31,7 @@ CONFIG = {
     "toImageButtonOptions": {"format": "svg"},
     "modeBarButtonsToRemove": _UNUSED_BUTTONS,
 }
-POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
+POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 45_000, 4000, 300  # samples drawn: in all (0.6 MB), per signal
 MOST_INTERVALS = 60  # rows of the figure of intervals
 MOST_DIRECTIONS = 6  # along which parameters move together, with a figure each; more are one table
 
@@ -166,6 +166,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "tally": sentences.tally(record),
         "verdict": _verdict(record),
         "fits": _fits(record, drawings),
+        "cleaning": _cleaning([r for r in record.recordings if r.outputs and r.t]),
         "scores": tables.scores_table(record.scores),
         "weights": tables.weights_table(record.weights) if record.weights else None,
         "no_validation": sentences.no_validation(record),
@@ -200,7 +201,26 @@ def _verdict(record: Findings) -> list[dict[str, Any]]:
 def _fits(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
     signals = sum(3 * len(r.outputs) + len(r.inputs) for r in record.recordings)
     points = min(MOST_POINTS, max(FEWEST_POINTS, POINTS_IN_FILE // max(signals, 1)))
-    return [_fit(recording, points, drawings) for recording in record.recordings if recording.outputs and recording.t]
+    found = [_fit(recording, points, drawings) for recording in record.recordings if recording.outputs and recording.t]
+    for key in ("note", "parts"):  # a caption says what that of the figure above does not say yet
+        told = [fit[key] for fit in found]
+        for fit, before in zip(found[1:], told[:-1], strict=True):
+            if fit[key] == before:
+                fit[key] = type(before)()
+    return found
+
+
+def _cleaning(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+    """(number, line) of each recording's way to its signals; beside one of as many lines, only those that differ from the first's."""
+    found = []
+    for recording in recordings:
+        first = recordings[0]
+        lines, alike = list(enumerate(recording.log, start=1)), len(recordings) > 1 and len(recording.log) == len(first.log)
+        other = recording is not first and alike and bool(set(recording.log) & set(first.log))
+        if other:
+            lines = [(k, line) for (k, line), before in zip(lines, first.log, strict=True) if line != before]
+        found.append({"name": recording.name, "lines": lines, "as": first.name if other else ""})
+    return found
 
 
 def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any]:
