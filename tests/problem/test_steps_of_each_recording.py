@@ -9,7 +9,6 @@ from plantfit.problem.accuracy.steps import FINE, refined_at
 from plantfit.problem.accuracy.verification import verify
 from plantfit.recording import from_arrays
 
-
 NOISE = 0.02
 BENT = pf.equations(
     "x' = c*(u - x**3)\n y = x", inputs=["u"], states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"c": {"bounds": (0.5, 5.0)}}
