@@ -115,8 +115,8 @@ def test_wins_over_many_methods_are_one_sentence():
     ]
     told = _pairs(SimpleNamespace(methods=ends, pairs=pairs))  # pyright: ignore[reportArgumentType]
     assert told == [
-        "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm for 6 pairs of methods, "
-        "50 runs each.",
+        "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm for 6 pairs of "
+        "methods, 50 runs each.",
         "pso?",
     ]
     assert _pairs(SimpleNamespace(methods=ends, pairs=pairs[2:])) == ["pso?"]  # pyright: ignore[reportArgumentType]
