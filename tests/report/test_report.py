@@ -172,6 +172,7 @@ def test_many_recordings_stay_small_and_say_nothing_twice():
     first = findings["recordings"][0]
     findings["recordings"] = [{**first, "name": f"r{k}", "log": [line.format(f"r{k}") for line in log]} for k in range(10)]
     findings["recordings"][3]["log"] = ["Something else was done."]
+    findings["recordings"].append({**example(samples=2000)["recordings"][0], "name": "short", "log": []})
     text = render_html(findings)
     assert len(text.encode()) < 1.5e6
     page = Page(text).text
@@ -180,6 +181,7 @@ def test_many_recordings_stay_small_and_say_nothing_twice():
     assert "r1, else as r0" in page
     assert re.search(r'<li value="1">Read from r9.csv.</li></ol>', text)
     assert "r3, else" not in page
+    assert re.search(r"lowest and highest of every \d+ to \d+ samples. All numbers use all samples.", page)
     assert "Something else was done." in page
 
 

@@ -201,12 +201,15 @@ def _verdict(record: Findings) -> list[dict[str, Any]]:
 def _fits(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
     signals = sum(3 * len(r.outputs) + len(r.inputs) for r in record.recordings)
     points = min(MOST_POINTS, max(FEWEST_POINTS, POINTS_IN_FILE // max(signals, 1)))
-    found = [_fit(recording, points, drawings) for recording in record.recordings if recording.outputs and recording.t]
+    shown = [r for r in record.recordings if r.outputs and r.t]
+    found = [_fit(recording, drawings, points) for recording in shown]
     for key in ("note", "parts"):  # a caption says what that of the figure above does not say yet
         told = [fit[key] for fit in found]
         for fit, before in zip(found[1:], told[:-1], strict=True):
             if fit[key] == before:
                 fit[key] = type(before)()
+    if found:
+        found[0]["note"] = " ".join(filter(None, (sentences.decimated([len(r.t) for r in shown], points), found[0]["note"])))
     return found
 
 
@@ -223,12 +226,10 @@ def _cleaning(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
     return found
 
 
-def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any]:
-    parts = {part for output in recording.outputs.values() for part in output.part}
-    notes = [sentences.decimated(len(recording.t), points)]
+def _fit(recording: Recording, drawings: Drawings, points: int) -> dict[str, Any]:
+    parts, note = {part for output in recording.outputs.values() for part in output.part}, ""
     if any(zone_count(output) > MOST_ZONES for output in recording.outputs.values()):
-        notes.append("Fit and validation samples alternate too finely to be shaded.")
-        parts = set()
+        parts, note = set(), "Fit and validation samples alternate too finely to be shaded."
     outputs = sentences.listed(with_unit(name, output.unit) for name, output in recording.outputs.items())
     label = f"Recording {recording.name}: {outputs} measured and simulated over time, residuals below, then the inputs."
     figure = drawings.add(figures.fit_figure(recording, points), label)
@@ -236,7 +237,7 @@ def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any
         "recording": recording,
         "figure": figure,
         "parts": [p for p in ("fit", "validation") if p in parts],
-        "note": " ".join(filter(None, notes)),
+        "note": note,
     }
 
 
