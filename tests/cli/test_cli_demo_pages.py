@@ -18,7 +18,11 @@ FIGURES_OF_A_PAIR = "A12, "  # two pairs of methods may have the same
 
 
 def sentences(page):
-    """Sentences in lists, paragraphs, headings and captions of figures; cells of tables come back by their nature."""
+    """Sentences in lists, paragraphs, headings and captions of figures.
+
+    Cells of tables, the result of a test of each residual, and the places of looks come back by their nature.
+    """
+    page = re.sub(r"<(ul|p) class=\"(?:said|figures)\b.*?</\1>", "", page, flags=re.S)
     page = re.sub(r"<(script|style|pre)\b.*?</\1>", "", page, flags=re.S)
     parts = re.findall(rf"<(?:{SAYS})\b[^>]*>(.*?)(?=</(?:{SAYS})>|<(?:li|p)\b)", page, re.S)
     texts = (" ".join(unescape(re.sub(r"<[^>]+>", " ", part)).split()) for part in parts)
