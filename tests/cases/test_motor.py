@@ -1,6 +1,7 @@
 """The motor's bench, the coefficients that its speed shows, the paper's two errors, and the figures of the demo."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.cases.motor.bench import PERIOD, TRUTH, bench, rig
 from plantfit.cases.motor.demo import run
 from plantfit.cases.motor.methods import guarded, parts_at
+from plantfit.cases.motor.methods_section import _pairs
 from plantfit.cases.motor.speed_law import coefficients, fitted_laws
 from plantfit.cases.motor.surrogate import percent, structure, surrogate_speeds, two_errors_record
 from plantfit.cases.shared.files import unpack
@@ -98,6 +100,26 @@ def test_the_surrogate_is_nearer_to_the_true_speed_than_the_record():
     assert percent(speed, MADE.recording["w"]) > 98.0
     assert percent(speed, exact) > 99.5 > 98.6 > percent(MADE.recording["w"], exact)
     assert structure(3).model.parameters[4].name == "a3"
+
+
+def test_wins_over_many_methods_are_one_sentence():
+    def pair(better, worse, a12, p, differs=True):
+        return SimpleNamespace(better=better, worse=worse, a12=a12, p_holm=p, differs=differs, pairs=6, runs=(50, 50), sentence=f"{worse}?")
+
+    ends = [SimpleNamespace(name=n, cost=SimpleNamespace(median=m)) for n, m in (("ga", 3.0), ("auto", 1.0), ("de", 2.0), ("pso", 1.1))]
+    pairs = [
+        pair("auto", "ga", 1.0, 1e-9),
+        pair("auto", "de", 0.71, 0.002),
+        pair("auto", "pso", 0.55, 0.4, False),
+        pair("de", "ga", 0.9, 0.01),
+    ]
+    told = _pairs(SimpleNamespace(methods=ends, pairs=pairs))  # pyright: ignore[reportArgumentType]
+    assert told == [
+        "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm for 6 pairs of "
+        "methods, 50 runs each.",
+        "pso?",
+    ]
+    assert _pairs(SimpleNamespace(methods=ends, pairs=pairs[2:])) == ["pso?"]  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.slow

@@ -108,9 +108,12 @@ def test_the_better_experiment_is_better_through_sensors_and_estimator_too():
     errors, sure = {}, {}
     for which, rig in (("paper", PendubotRig()), ("found", PendubotRig(poses=poses))):
         truth = np.array([rig.base[n] for n in NAMES])
-        found = [estimated(rig, seed) for seed in range(40, 48)]
+        found = [estimated(rig, seed) for seed in range(40, 64)]
         errors[which] = np.sqrt(np.mean([(e.values - truth) ** 2 for e in found], axis=0))
         sure[which] = np.median([e.standard_error for e in found], axis=0)
     assert np.all(sure["found"] < sure["paper"])
-    assert np.all(errors["found"][[0, 1, 3]] < 0.5 * errors["paper"][[0, 1, 3]])
-    assert np.all(errors["found"] < 3.0 * sure["found"])  # and the smaller intervals are honest
+    assert np.all(errors["found"] < 0.75 * errors["paper"])
+    assert np.all(errors["found"][[1, 3]] < 0.4 * errors["paper"][[1, 3]])
+    assert np.all(errors["paper"] < 1.3 * sure["paper"])
+    # the smaller errors are stated up to three times too small: docs/demos.md says so
+    assert np.all(errors["found"] < 4.0 * sure["found"])

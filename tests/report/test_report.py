@@ -167,6 +167,24 @@ def test_long_recordings_are_decimated_and_say_so(tmp_path):
     assert 1234.0 in figures_in(text)["figure-1"]["data"][0]["y"]
 
 
+def test_many_recordings_stay_small_and_say_nothing_twice():
+    findings, log = example(samples=4000), ["Read from {}.csv.", "One comment line was skipped.", "Time from 't' in s."]
+    first = findings["recordings"][0]
+    findings["recordings"] = [{**first, "name": f"r{k}", "log": [line.format(f"r{k}") for line in log]} for k in range(10)]
+    findings["recordings"][3]["log"] = ["Something else was done."]
+    findings["recordings"].append({**example(samples=2000)["recordings"][0], "name": "short", "log": []})
+    text = render_html(findings)
+    assert len(text.encode()) < 1.5e6
+    page = Page(text).text
+    for once in ("Shown decimated", "samples used to fit", *log[1:]):
+        assert page.count(once) == 1, once
+    assert "r1, else as r0" in page
+    assert re.search(r'<li value="1">Read from r9.csv.</li></ol>', text)
+    assert "r3, else" not in page
+    assert re.search(r"lowest and highest of every \d+ to \d+ samples. All numbers use all samples.", page)
+    assert "Something else was done." in page
+
+
 def test_finely_alternating_parts_are_not_shaded():
     findings = example(samples=1000)
     findings["recordings"][0]["outputs"]["w"]["part"] = ["fit", "validation"] * 500

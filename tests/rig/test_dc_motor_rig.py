@@ -30,6 +30,21 @@ def test_the_exact_motion_agrees_with_a_tight_solver():
     assert RUN.exact["I"][-1] == pytest.approx(p["Cm"] * settled / p["Kt"], rel=1e-9)
 
 
+@pytest.mark.parametrize("winding", [2.75e-6, 1e-3])
+def test_a_winding_far_quicker_than_the_steps_is_followed(winding):
+    """The motor of the Control Tutorials for MATLAB and Simulink (ctms.engin.umich.edu, Motor Position), whose winding takes 0.7 us."""
+    p = {"Rm": 4.0, "Lm": winding, "Kb": 0.0274, "Kt": 0.0274, "Jm": 3.2284e-6, "Cm": 3.5077e-6, "Tf": 0.0}
+    rig = replace(board_rig(p), period=0.1, substeps=200)
+    run = rig.record(1, rec.Recording(np.arange(6) * 0.1, {"V": rec.Signal(np.array([3.0, -3.0, 6.0, 0.0, -1.0, -1.0]), "V")}))
+    rate = lambda _, x, u: [(u - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"], (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"]]  # noqa: E731
+    x, found = np.zeros(2), []
+    for u in run.exact["V"][:-1]:
+        x = solve_ivp(rate, (0, 0.1), x, method="Radau", rtol=1e-9, atol=1e-10, args=(u,)).y[:, -1]
+        found.append(x)
+    np.testing.assert_allclose(run.exact["w"][1:], np.array(found)[:, 1], atol=2e-4)
+    np.testing.assert_allclose(run.exact["i"][1:], np.array(found)[:, 0], atol=2e-6)
+
+
 def test_friction_and_load_stop_at_the_closed_form_speed():
     p = ROBOT_MOTOR | {"Tf": 5e-5}
     w = DcMotorRig(p, load=2e-4).record(1).exact

@@ -4,7 +4,7 @@ import os
 import re
 import tempfile
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -31,7 +31,7 @@ CONFIG = {
     "toImageButtonOptions": {"format": "svg"},
     "modeBarButtonsToRemove": _UNUSED_BUTTONS,
 }
-POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
+POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 45_000, 4000, 300  # samples drawn: in all (0.6 MB), per signal
 MOST_INTERVALS = 60  # rows of the figure of intervals
 MOST_DIRECTIONS = 6  # along which parameters move together, with a figure each; more are one table
 
@@ -166,6 +166,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "tally": sentences.tally(record),
         "verdict": _verdict(record),
         "fits": _fits(record, drawings),
+        "cleaning": _cleaning([r for r in record.recordings if r.outputs and r.t]),
         "scores": tables.scores_table(record.scores),
         "weights": tables.weights_table(record.weights) if record.weights else None,
         "no_validation": sentences.no_validation(record),
@@ -200,15 +201,35 @@ def _verdict(record: Findings) -> list[dict[str, Any]]:
 def _fits(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
     signals = sum(3 * len(r.outputs) + len(r.inputs) for r in record.recordings)
     points = min(MOST_POINTS, max(FEWEST_POINTS, POINTS_IN_FILE // max(signals, 1)))
-    return [_fit(recording, points, drawings) for recording in record.recordings if recording.outputs and recording.t]
+    shown = [r for r in record.recordings if r.outputs and r.t]
+    found = [_fit(recording, drawings, points) for recording in shown]
+    for key in ("note", "parts"):  # a caption says what that of the figure above does not say yet
+        told = [fit[key] for fit in found]
+        for fit, before in zip(found[1:], told[:-1], strict=True):
+            if fit[key] == before:
+                fit[key] = type(before)()
+    if found:
+        found[0]["note"] = " ".join(filter(None, (sentences.decimated([len(r.t) for r in shown], points), found[0]["note"])))
+    return found
 
 
-def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any]:
-    parts = {part for output in recording.outputs.values() for part in output.part}
-    notes = [sentences.decimated(len(recording.t), points)]
+def _cleaning(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+    """(number, line) of each recording's way to its signals; beside one of as many lines, only those that differ from the first's."""
+    found = []
+    for recording in recordings:
+        first = recordings[0]
+        lines, alike = list(enumerate(recording.log, start=1)), len(recordings) > 1 and len(recording.log) == len(first.log)
+        other = recording is not first and alike and bool(set(recording.log) & set(first.log))
+        if other:
+            lines = [(k, line) for (k, line), before in zip(lines, first.log, strict=True) if line != before]
+        found.append({"name": recording.name, "lines": lines, "as": first.name if other else ""})
+    return found
+
+
+def _fit(recording: Recording, drawings: Drawings, points: int) -> dict[str, Any]:
+    parts, note = {part for output in recording.outputs.values() for part in output.part}, ""
     if any(zone_count(output) > MOST_ZONES for output in recording.outputs.values()):
-        notes.append("Fit and validation samples alternate too finely to be shaded.")
-        parts = set()
+        parts, note = set(), "Fit and validation samples alternate too finely to be shaded."
     outputs = sentences.listed(with_unit(name, output.unit) for name, output in recording.outputs.items())
     label = f"Recording {recording.name}: {outputs} measured and simulated over time, residuals below, then the inputs."
     figure = drawings.add(figures.fit_figure(recording, points), label)
@@ -216,7 +237,7 @@ def _fit(recording: Recording, points: int, drawings: Drawings) -> dict[str, Any
         "recording": recording,
         "figure": figure,
         "parts": [p for p in ("fit", "validation") if p in parts],
-        "note": " ".join(filter(None, notes)),
+        "note": note,
     }
 
 

@@ -7,12 +7,14 @@ import numpy as np
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH
 from plantfit.cases.motor.methods import GA, GUARDED, Methods, errors_at, parts_at
 from plantfit.cases.shared.panels import signals_figure
+from plantfit.findings.results.methods_compared import ProblemComparison
 from plantfit.optimize import RunResult
 from plantfit.report.figures import style
 from plantfit.report.figures.comparison.answers import parallel_figure
 from plantfit.report.figures.comparison.costs import distribution_figure
 from plantfit.report.figures.comparison.curves import quartiles_figure
 from plantfit.report.figures.style import Figure
+from plantfit.study.comparing.sentences import p_value
 from plantfit.trust.verdict.words import number
 
 SHOWN = 60.0  # s of the errors that are drawn
@@ -33,7 +35,8 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     counts = {m.name: m.runs for m in methods}
     final = {m.name: m.sorted.cost for m in methods if m.sorted}
     ends = [record.parallel] if record.parallel else []
-    told = [s.sentence for k, s in enumerate(record.sentences) if k == 0 or s.level != "info"]
+    order, *said = record.sentences
+    told = [order.sentence, *_pairs(record), *(s.sentence for s in said if s.level == "warning")]
     return {
         "title": "The paper's objective and the genetic algorithm",
         "sentences": [
@@ -62,6 +65,21 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
             *({"figure": parallel_figure(p, list(found.results)), "label": "Where the runs ended between the bounds"} for p in ends),
         ],
     }  # fmt: skip
+
+
+def _pairs(record: ProblemComparison) -> list[str]:
+    """Whom the method with the lowest median beats, in one sentence, and the sentences of pairs that it does not."""
+    best = min(record.methods, key=lambda m: m.cost.median).name
+    own = [p for p in record.pairs if best in (p.better, p.worse)]
+    won = [p for p in own if p.differs and p.better == best]
+    if not won:
+        return [p.sentence for p in own]
+    shares = ", ".join(f"{p.worse} {p.a12:.2f}" for p in won)
+    return [
+        f"{best} beats, with the share of pairs of runs that it wins (A12): {shares}; largest {p_value(max(p.p_holm for p in won))} "
+        f"after Holm for {won[0].pairs} pairs of methods, {won[0].runs[0]} runs each.",
+        *(p.sentence for p in own if p not in won),
+    ]
 
 
 def _over_time(found: Methods) -> Figure:

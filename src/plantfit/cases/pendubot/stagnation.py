@@ -90,13 +90,13 @@ def causes(found: Mapping[str, Stagnation]) -> list[str]:
     early, late = ({n: s for n, s in free.items() if (s.last < STILL) is is_early} for is_early in (True, False))
     if early:
         told.append(
-            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} of the budget. They "
-            "drew together on the valley's floor too early."
+            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} of the budget, "
+            "having drawn together on the valley's floor too early."
         )
     if late:
         told.append(
-            f"{_and(late)}: half of the runs still improved after {_shares(late)} of the budget. They creep along the valley until the "
-            "budget is spent."
+            f"{_and(late)}: half of the runs still improved after {_shares(late)} of the budget, creeping "
+            "along the valley until it is spent."
         )
     return told
 

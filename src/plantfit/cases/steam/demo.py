@@ -54,7 +54,8 @@ from plantfit.study.objective import objective_of
 from plantfit.trust import has_salib
 
 SEED = 1
-RUNS, BUDGET = (2, 10), (2000, 10_000)  # small, full
+RUNS, BUDGET = (5, 10), 10_000  # small, full; evaluations of a run, the paper's
+STATIC_RUNS, STATIC_BUDGET = (1, 10), (600, 3000)  # of each method of the static task, for each step of each opening
 FINITE_BUDGET = (1600, 10_000)  # evaluations of L-BFGS-B through BDF
 ALONE = (1000, 10_000)  # evaluations of a search of one opening, in the full demo
 DRAWS = (0, 200)  # refits of the parameters' uncertainty; 0: linear
@@ -87,7 +88,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         found = []
         for m in chosen:
             begins(m.label)
-            found.append(method_runs(problem, m, static, RUNS[full], BUDGET[full], SEED, within(m.label, progress)))
+            found.append(method_runs(problem, m, static, RUNS[full], BUDGET, SEED, within(m.label, progress)))
         alone = _opening_by_opening(problem, recordings, static, progress) if full else {}
         answer = fit_file(file, progress)
         finite = differences.result()
@@ -105,7 +106,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     floor = noise_floor(rig, len(runs))
     sections = [
         *constant_sections,
-        dynamic_section(found, problem, static, floor, slopes, BUDGET[full], not full),
+        dynamic_section(found, problem, static, floor, slopes, BUDGET, not full),
         answers_section(finely(problem), shown, truth_of(runs), _intervals(answer)),
         *([readings_section(found, alone, floor)] if full else []),
         *_meaning_sections(finely(problem, POLISHED), best, answer, runs, full, begins),
@@ -116,7 +117,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         [*_figures(found, floor, static_cost, runs, answer), *delays],
         [
             "Nothing here was measured on a machine: the rig's tables are made up, of the size that the paper's results suggest.",
-            *([] if full else ["Small demo: 2 runs of 2000 evaluations; the paper's 10 of 10 000 with --full."]),
+            *([] if full else [f"Small demo: {RUNS[0]} runs of {BUDGET} evaluations; the paper's {RUNS[1]} with --full."]),
         ],
         [answer],
         [file],
@@ -130,7 +131,7 @@ def constants_sections(runs: Mapping[str, RigRun], full: bool) -> tuple[list[dic
     """The static task and the uncertainty of what is measured and found; and figures of the dead times."""
     recordings = {n: r.recording for n, r in runs.items()}
     tasks = [joint(recordings), two_step(recordings)]
-    tasks += [two_step_by(recordings, m) for m in ("cmaes", "lbfgsb") if full]
+    tasks += [two_step_by(recordings, m, STATIC_RUNS[full], STATIC_BUDGET[full]) for m in ("cmaes", "lbfgsb")]
     study = [delay_study(0.05, 12, u, DELAY_SEEDS) for u in (10.0, 40.0, 100.0) if full]
     study += [delay_study(*QUIET, u, DELAY_SEEDS) for u in OPENINGS if full]
     truth = {n: r.truth["parameters"] for n, r in runs.items()}

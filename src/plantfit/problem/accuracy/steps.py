@@ -25,6 +25,7 @@ from plantfit.sobol import Sobol
 COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
 SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
 FINE = 0.03  # step error at the answer, as a share of the residual
+FINE_EACH = 0.05  # the same in each recording by itself; the verdict calls more not negligible
 EVEN = 4  # equal steps a sample, up to which no mesh is made
 SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
@@ -197,13 +198,18 @@ def _measured(problem: Problem, output: str) -> list[np.ndarray]:
 
 
 def refined_at(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made anew there."""
+    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made anew there.
+
+    Equal steps are halved until it is under 5 % in each recording, too: what many recordings hide in their mean is an error of one.
+    """
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     meshed = can_mesh(problem)
     if not meshed or (_dense(problem) and not problem.mesh):
         small, most = _small_at(problem, z), EVEN if meshed else LONG if _can_adapt(problem) else FINEST
         while (error := _scaled_error(problem, z)) > small and problem.predictor.stepping().substeps < most:
+            problem = problem.with_simulator(problem.predictor.stepping().refined(2))
+        while error <= small and _uneven(problem, z) and problem.predictor.stepping().substeps < most:
             problem = problem.with_simulator(problem.predictor.stepping().refined(2))
         if _can_adapt(problem) and error > small and (not meshed or _many(problem, error, small)):
             return _adaptive(problem, _scaled_error, z[None, :], small)
@@ -215,6 +221,20 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
             break
         problem = finer
     return problem
+
+
+def _uneven(problem: Problem, z: np.ndarray) -> bool:
+    """Whether the steps are not fine enough in one of several recordings."""
+    if len(problem.data["drive"]) < 2:
+        return False
+    errors, all_residuals, start = step_errors(problem, z), _residuals(problem, z), 0
+    for name in problem.data["drive"]:
+        count = sum(len(problem.data["index"][name][o]) for o in problem.outputs)
+        error, residual = (float(np.sum(v[start : start + count] ** 2)) ** 0.5 for v in (errors, all_residuals))
+        if error > max(FINE_EACH * residual, least(problem) * count**0.5):
+            return True
+        start += count
+    return False
 
 
 def _small_at(problem: Problem, z: np.ndarray) -> float:

@@ -1,6 +1,6 @@
 """Plain sentences that the report says about findings."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from plantfit.errors import Status
 from plantfit.findings import Cross, Findings, Parameter, ResidualTest
@@ -91,13 +91,14 @@ def no_validation(findings: Findings) -> str:
     return "No unseen data: give validation to know if the fit holds beyond the samples it was made from."
 
 
-def decimated(samples: int, points: int) -> str:
-    """What was left out of a drawing; empty when nothing was."""
-    if samples <= points:
+def decimated(samples: Sequence[int], points: int) -> str:
+    """What was left out of the drawings of recordings with so many samples; empty when nothing was."""
+    bins = [round(2 * n / points) for n in samples if n > points]
+    if not bins:
         return ""
-    return (
-        f"Shown decimated: lowest and highest of every {count(2 * samples / points)} samples. All numbers use all {count(samples)} samples."
-    )
+    every = count(bins[0]) if len(set(bins)) == 1 else f"{count(min(bins))} to {count(max(bins))}"
+    used = f"all {count(samples[0])} samples" if len(samples) == 1 else "all samples"
+    return f"Shown decimated: lowest and highest of every {every} samples. All numbers use {used}."
 
 
 def share(value: float | None) -> str:

@@ -27,6 +27,7 @@ BETTER = 1e-6  # relative decrease of the cost that makes another answer the bet
 
 CHECKED = 150_000  # evaluations of the tight solver at an answer, all recordings together: some 4 s
 MOST_CHECKED = 4  # recordings, those with the largest step errors
+ROUNDS = 3  # times that steps are chosen at an answer and a search goes on with them
 FINER = 6  # times that steps are made finer at one answer because the tight solver asks for it, at most
 
 SEARCHED, SHARED, CUT, LEFT = "searched", "same point", "cut", "left"  # how a run came to the final problem
@@ -186,9 +187,13 @@ def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Des
     A search that `ended` there already gets its last digits only.
     """
     problem, last = _weighed(problem, polished(problem, z) if ended else descent(problem, z))
-    finer = refined_at(problem, last.z)
-    if finer is not problem:
+    for _ in range(ROUNDS):
+        finer = refined_at(problem, last.z)
+        if finer is problem:
+            break
         problem, last = finer, descent(finer, last.z)
+        if problem.mesh or len(problem.data["drive"]) == 1:
+            break  # of several recordings with equal steps one may want finer ones where the search has gone since
     if problem.smoothing is not None and problem.smoothing.asked:
         chosen = choose_strengths(problem, last.z)
         problem, last = chosen.problem, descent(chosen.problem, chosen.z)

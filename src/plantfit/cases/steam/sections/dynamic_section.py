@@ -82,7 +82,13 @@ def dynamic_section(
         f"310 parameters: k, A1, A2 at ten pressures and a dead time for each of ten openings; {budget} evaluations a run, "
         f"from the whole box or from the static solution, which costs {significant(before)} bar² (the paper's {PAPER_STATIC}).",
         f"The noise floor is {significant(floor)} bar²: ten times the variance of the rig's noise and rounding.",
-        *(["This is the small demo: fewer runs and evaluations than the paper; plantfit demo steam --full makes the paper's."] * small),
+        *(
+            [
+                "This is the small demo: half of the paper's ten runs, and fewer evaluations of finite differences. "
+                "`plantfit demo steam --full` makes the paper's."
+            ]
+            * small
+        ),
         *_reached(methods, floor),
         *slope_sentences(slopes),
         *_stalled(methods, floor),

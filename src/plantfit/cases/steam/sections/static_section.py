@@ -34,6 +34,9 @@ def static_section(
         f"{len(told)} of {len(early)} records tell the dead time from zero and from 1 s; the narrowest interval is ±{narrow:.2f} s, so "
         f"that at this noise no single step tells it to {WANTED:g} s: a dead time and the lag A2/A1 look alike.",
     ]
+    others = ", ".join(f"{t.label.removeprefix('two steps, ')} {t.total:.4f}" for t in tasks[2:])
+    if others:
+        sentences.insert(1, f"By the paper's two methods, in its two steps and from its start: {others} bar².")
     tables = [_totals(tasks), _delays(early, joint, two, delays)]
     if study:
         good = [s for s in study if s.half_width <= WANTED]

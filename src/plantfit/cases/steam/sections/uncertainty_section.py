@@ -99,7 +99,7 @@ def uncertainty_section(
         ],
         "tables": [
             _budget_table(budget),
-            *([] if constants is None else [_parameter_table(f"Static constants of {opening} % opening", constants, names, note)]),
+            *([] if constants is None else [_parameter_table(f"Static constants of {opening} % opening", constants, names)]),
             _parameter_table(f"Entries of the tables of {opening} % opening", found, visited, note),
         ],
     }
@@ -115,7 +115,7 @@ def _times(share: float) -> str:
     return f"{share:.2g} times that"
 
 
-def _parameter_table(caption: str, found: ParameterUncertainty, names: Sequence[str], note: str) -> dict[str, Any]:
+def _parameter_table(caption: str, found: ParameterUncertainty, names: Sequence[str], note: str = "") -> dict[str, Any]:
     inner = f"{len(found.draws)} refits (GUM supplement 1)" if found.draws is not None else "linear propagation"
     together: dict[str, list[np.ndarray]] = {}
     for source, by in found.systematic.items():
