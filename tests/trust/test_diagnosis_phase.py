@@ -93,7 +93,7 @@ def test_no_other_sentence_guesses_at_causes_once_one_is_named():
 
     def said(independent, found):
         rounds = None if found is None else {"rounds": [{"found": ["dead time of u"] if found else []}]}
-        tests = [{**row, "cross": {"u": {"lags_s": [], "values": [], "bound": 0.1, "independent": independent}}}]
+        tests = [{**row, "cross": {"u": {"lags_s": [], "values": [], "bound": 0.1, "independent": independent, "explained": -0.1}}}]
         findings = {
             "recordings": [{"name": "a"}],
             "residual_tests": tests,
