@@ -44,7 +44,7 @@ def new(
         raise SpecError(
             f"{name!r} is no list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit new --list`)."
         )
-    target = Path(place) if place else source.with_suffix(".toml") if source.suffix == _ENDS else Path(f"{name}.toml")
+    target = Path(place) if place else source.with_suffix(".toml") if source.suffix in (_ENDS, ".toml") else Path(f"{name}.toml")
     if not target.parent.is_dir():
         raise SpecError(
             f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place with --out."
