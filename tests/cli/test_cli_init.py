@@ -219,3 +219,17 @@ def test_units_of_names_and_umlauts_reach_the_study(tmp_path, capsys, monkeypatc
     assert 'units = { heater_V = "V", temp_degC = "degC" }' in text
     assert 'Fuellstand = "Füllstand (mm)"' in text
     assert call(capsys, monkeypatch, "check", "tank.toml").code == 0
+
+
+@pytest.mark.parametrize(("low", "told"), [(0.0, False), (0.8, True)])
+def test_a_rest_that_no_input_came_near_is_called_an_extrapolation(low, told, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    u, x = np.repeat(np.random.default_rng(1).uniform(low, 5.0, 15), 20), np.zeros(300)
+    u[:20] = low
+    for k in range(299):
+        x[k + 1] = x[k] + (2 * u[k] - x[k]) / 25
+    rows = np.column_stack([np.arange(300.0), u, x + 0.1 * np.random.default_rng(2).normal(size=300)])
+    np.savetxt("pump.csv", rows, delimiter=",", header="t_s,pump_V,level_mm", comments="", fmt="%.5g")
+    assert call(capsys, monkeypatch, "init", "pump.csv", "--yes").code == 0
+    sentence = tomllib.loads((tmp_path / "pump.toml").read_text("utf-8"))["parameters"]["rest"]["sentence"]
+    assert sentence == "where level_mm rests without input" + (" (an extrapolation: pump_V was never below 0.8 V)" if told else "")

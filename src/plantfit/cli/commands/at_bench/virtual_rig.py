@@ -53,7 +53,7 @@ def record(name: str, settings: Sequence[str], asked: dict[str, Any], place: str
         out.print(line, markup=False)
     told = [_told(n, d) for n, d in made.truth["determined"].items() if n != "nodes"]
     if told:
-        out.print(f"True values that this record can determine: {', '.join(told)}", markup=False)
+        out.print(f"True values to hold the fit against: {', '.join(told)}", markup=False)
     for path in written.values():
         out.print(f"Written: {path}", markup=False)
     if files["study"]:

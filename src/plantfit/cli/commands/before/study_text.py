@@ -62,6 +62,9 @@ seed = 1
 """
 
 
+AWAY = 0.1  # of the range of an input: farther from zero it has not been there
+
+
 @dataclass(frozen=True)
 class Signal:
     """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value; `named` where the unit is
@@ -166,7 +169,8 @@ class _Plant:
             told = f"static gain from {u.symbol} to {y.symbol}"
             text += _parameter(name, told, -gain, gain, _ratio(y.unit, u.unit))
         room = span * (1 + 5 * reach)
-        text += _parameter(f"rest{self.number}", f"where {y.symbol} rests without input", y.low - room, y.high + room, y.unit)
+        told = f"where {y.symbol} rests without input{self._beyond()}"
+        text += _parameter(f"rest{self.number}", told, y.low - room, y.high + room, y.unit)
         # the first measured value would bring its noise into every parameter
         text += _parameter(self.start, f"{y.symbol} at the first sample", y.first - span, y.first + span, y.unit)
         for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:
@@ -174,6 +178,15 @@ class _Plant:
         if self.kind != "first":
             text += _parameter(f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s")
         return text
+
+    def _beyond(self) -> str:
+        """That no input came near zero, so that a rest without input is what the straight line says there."""
+        away = [u for u in self.link.inputs if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)]
+        told = [
+            f"{u.symbol} was never {'below' if u.low > 0 else 'above'} {u.low if u.low > 0 else u.high:.4g} {u.unit or ''}".strip()
+            for u in away
+        ]
+        return f" (an extrapolation: {' and '.join(told)})" if told else ""
 
 
 def _units(named: Sequence[Signal], bare: bool) -> str:
