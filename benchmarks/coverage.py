@@ -163,7 +163,7 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
     from plantfit.trust.finish.descent import descent
-    from plantfit.trust.intervals.following import followed_ranges
+    from plantfit.trust.intervals.follow.following import followed_ranges
     from plantfit.trust.intervals.linearised import linearise
     from plantfit.trust.intervals.parameter_rows import parameter_rows
 

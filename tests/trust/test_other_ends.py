@@ -5,7 +5,7 @@ import numpy as np
 import plantfit as pf
 from plantfit import Problem, Recording, Signal, equations
 from plantfit.trust.finish.descent import descent
-from plantfit.trust.intervals.following import followed_ranges
+from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import linearise
 
 X = np.linspace(0.1, 2.0, 150)

@@ -27,7 +27,7 @@ from plantfit.trust.finish.weights import weight_rows
 from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdrawn
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.identify.table_visits import agreeing, table_visits
-from plantfit.trust.intervals.following import followed_ranges
+from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows

@@ -10,7 +10,7 @@ from scipy import special
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
-from plantfit.trust.intervals.following import followed_ranges
+from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 

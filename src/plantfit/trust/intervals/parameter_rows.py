@@ -24,8 +24,8 @@ CUT = 3.0  # times that of the range: a linearised standard error above it means
 def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None) -> list[Row]:
     """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on.
 
-    `ranges` by place are those of `trust/intervals/following.py`; by default those of the linearised problem. Problems without one, which
-    have tables or many coordinates, are judged by standard errors that know no box.
+    `ranges` by place are those of `trust/intervals/follow/following.py`; by default those of the linearised problem. Problems without one,
+    which have tables or many coordinates, are judged by standard errors that know no box.
     """
     rows, sizes = [], natural_sizes(space, local.values)
     for i, c in enumerate(space.coordinates):

@@ -8,7 +8,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.study.comparing.symmetry import same_by_symmetry
-from plantfit.trust.intervals.followed import Followed
+from plantfit.trust.intervals.follow.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most

@@ -10,8 +10,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.optimize.local.separable import Block
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.follow.room import Room
 from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
-from plantfit.trust.intervals.room import Room
 
 STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
