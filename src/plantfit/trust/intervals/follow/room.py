@@ -50,9 +50,9 @@ class Room:
         return self.first + self.width * np.asarray(w, dtype=float)
 
     def physical(self, w: np.ndarray) -> np.ndarray:
-        """Values (..., d) in their units."""
+        """Values (..., d) in their units, at most at the ends of the room: rounding is no value below zero."""
         with np.errstate(over="ignore"):
-            return np.asarray(self.problem.space.physical(self.outer(w)))
+            return np.clip(np.asarray(self.problem.space.physical(self.outer(w))), self.lower, self.upper)
 
     def cube(self, values: np.ndarray) -> np.ndarray:
         """The point (..., d) of values in their units."""
