@@ -36,13 +36,15 @@ NEAR = 1.1  # times the noise that was added: what a fit may leave
 
 @dataclass(frozen=True)
 class Plant:
-    """`rate(x, u, extra)` gives dx/dt; `faults` maps each fault that the plant can have to its size, NaN for a
-    level that a tenth of the fitted samples lie beyond."""
+    """`rate(x, u, p, extra)` gives dx/dt with parameters p, those of `truth`; `faults` maps each fault that the plant can have to its size,
+    NaN for a level that a tenth of the fitted samples lie beyond, and of a parameter that changes, as in "change K with u", to how much of
+    it for each unit, from the `references` of what it changes with on."""
 
     name: str
     study: str
     states: int
-    rate: Callable[[np.ndarray, float, dict[str, float]], np.ndarray]
+    rate: Callable[[np.ndarray, float, dict[str, float], dict[str, float]], np.ndarray]
+    truth: dict[str, float]
     output: Callable[[np.ndarray], float]
     start: tuple[float, ...]
     period: float
@@ -51,29 +53,33 @@ class Plant:
     held: int
     faults: dict[str, float]
     linear: bool = True
-    extra: dict[str, float] = field(default_factory=dict)
+    references: dict[str, float] = field(default_factory=dict)
+    drivers: tuple[str, ...] = ("x",)
 
 
-def _first(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
-    return np.array([(8.0 * u - x[0]) / 0.6])
+def _first(x: np.ndarray, u: float, p: dict[str, float], e: dict[str, float]) -> np.ndarray:
+    return np.array([(p["K"] * u - x[0]) / p["tau"]])
 
 
-def _second(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
+def _second(x: np.ndarray, u: float, p: dict[str, float], e: dict[str, float]) -> np.ndarray:
     v = x[1]
-    return np.array(
-        [v, (u - 0.8 * v - 4.0 * x[0]) / 0.5 - e.get("coulomb", 0.0) * np.tanh(v / 1e-3) - e.get("quadratic", 0.0) * v * abs(v)]
-    )
+    return np.array([v, (u - p["b"] * v - p["k"] * x[0]) / p["m"] - _slowed(v, e, 1e-3, 0.1)])
 
 
-def _motor(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
+def _motor(x: np.ndarray, u: float, p: dict[str, float], e: dict[str, float]) -> np.ndarray:
     i, w = x
-    slowed = e.get("coulomb", 0.0) * np.tanh(w / 0.05) + e.get("quadratic", 0.0) * w * abs(w)
-    return np.array([(u - 2.0 * i - 0.05 * w) / 0.02, (0.05 * i - 1e-4 * w) / 2e-4 - slowed])
+    return np.array([(u - 2.0 * i - p["k"] * w) / 0.02, (p["k"] * i - p["b"] * w) / p["J"] - _slowed(w, e, 0.05, 6.0)])
 
 
-def _tanks(x: np.ndarray, u: float, e: dict[str, float]) -> np.ndarray:
-    a, b = 0.09 * np.sqrt(max(x[0], 0.0)), 0.07 * np.sqrt(max(x[1], 0.0))
-    return np.array([0.06 * u - a, a - b])
+def _tanks(x: np.ndarray, u: float, p: dict[str, float], e: dict[str, float]) -> np.ndarray:
+    a, b = p["a1"] * np.sqrt(max(x[0], 0.0)), p["a2"] * np.sqrt(max(x[1], 0.0))
+    return np.array([p["q"] * u - a, a - b])
+
+
+def _slowed(v: float, e: dict[str, float], sign: float, falls: float) -> float:
+    """Friction over inertia at a speed: dry, that which falls within `falls`, and by the square."""
+    dry = e.get("coulomb", 0.0) + e.get("stribeck", 0.0) * np.exp(-((v / falls) ** 2))
+    return dry * np.tanh(v / sign) + e.get("quadratic", 0.0) * v * abs(v)
 
 
 _HEAD = """name = "{name}"
@@ -94,9 +100,11 @@ outputs = { y = "degC" }
 K = { unit = "delta_degC/V", bounds = [0.1, 100] }
 tau = { unit = "s", bounds = [0.01, 10], scale = "log" }
 """.replace('unit = "degC"', 'unit = "K"').replace('y = "degC"', 'y = "K"').replace("delta_degC/V", "K/V"),
-        1, _first, lambda x: x[0], (0.0,), 0.05, 600, (-2.0, 3.0), 16,
+        1, _first, {"K": 8.0, "tau": 0.6}, lambda x: x[0], (0.0,), 0.05, 600, (-2.0, 3.0), 16,
         {"dead_time": 0.2, "lag": 0.15, "dead_zone": 0.4, "saturation": 2.0, "backlash": 0.3, "sensor_lag": 0.15, "offset": 2.0,
-         "drift": 0.15, "sensor_high": 12.0, "sensor_low": -7.0, "start": 10.0, "outliers": 0.02},
+         "drift": 0.15, "sensor_high": 12.0, "sensor_low": -7.0, "start": 10.0, "outliers": 0.02,
+         "change K with u": 0.12, "change K with t": 0.012, "change tau with x": 0.03, "change tau with t": -0.02},
+        references={"u": 0.5, "x": 4.0},
     ),
     "second": Plant(
         "second",
@@ -109,9 +117,11 @@ m = { unit = "kg", bounds = [0.05, 5], scale = "log" }
 b = { unit = "N*s/m", bounds = [0.01, 10], scale = "log" }
 k = { unit = "N/m", bounds = [0.1, 50], scale = "log" }
 """,
-        2, _second, lambda x: x[0], (0.0, 0.0), 0.05, 600, (-3.0, 3.0), 20,
+        2, _second, {"m": 0.5, "b": 0.8, "k": 4.0}, lambda x: x[0], (0.0, 0.0), 0.05, 600, (-3.0, 3.0), 20,
         {"dead_time": 0.12, "lag": 0.12, "dead_zone": 0.5, "saturation": 2.2, "backlash": 0.4, "sensor_lag": 0.12, "offset": 0.1,
-         "drift": 0.01, "sensor_high": 0.6, "sensor_low": -0.6, "start": 0.8, "outliers": 0.02, "coulomb": 0.8, "quadratic": 1.2},
+         "drift": 0.01, "sensor_high": 0.6, "sensor_low": -0.6, "start": 0.8, "outliers": 0.02, "coulomb": 0.8, "quadratic": 1.2,
+         "stribeck": 1.5, "change k with x": 0.2, "change b with t": 0.03, "change m with t": 0.015, "change k with t": -0.01},
+        drivers=("x", "v"),
     ),
     "motor": Plant(
         "motor",
@@ -125,9 +135,11 @@ k = { unit = "V*s", bounds = [0.005, 0.5], scale = "log" }
 b = { unit = "N*m*s", bounds = [1e-6, 1e-2], scale = "log" }
 J = { unit = "kg*m^2", bounds = [1e-5, 1e-2], scale = "log" }
 """,
-        2, _motor, lambda x: x[1], (0.0, 0.0), 0.01, 800, (-6.0, 8.0), 25,
+        2, _motor, {"k": 0.05, "b": 1e-4, "J": 2e-4}, lambda x: x[1], (0.0, 0.0), 0.01, 800, (-6.0, 8.0), 25,
         {"dead_time": 0.04, "lag": 0.04, "dead_zone": 0.8, "saturation": 5.0, "backlash": 0.8, "sensor_lag": 0.04, "offset": 8.0,
-         "drift": 1.5, "sensor_high": 70.0, "sensor_low": -50.0, "start": 60.0, "outliers": 0.02, "coulomb": 100.0, "quadratic": 0.03},
+         "drift": 1.5, "sensor_high": 70.0, "sensor_low": -50.0, "start": 60.0, "outliers": 0.02, "coulomb": 100.0, "quadratic": 0.03,
+         "stribeck": 100.0, "change k with t": -0.03, "change J with t": 0.08, "change k with w": 0.003},
+        drivers=("i", "w"),
     ),
     "tanks": Plant(
         "tanks",
@@ -140,10 +152,11 @@ q = { unit = "cm/s/V", bounds = [0.005, 0.5], scale = "log" }
 a1 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 a2 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 """,
-        2, _tanks, lambda x: x[1], (4.0, 6.6), 4.0, 600, (1.0, 6.0), 25,
+        2, _tanks, {"q": 0.06, "a1": 0.09, "a2": 0.07}, lambda x: x[1], (4.0, 6.6), 4.0, 600, (1.0, 6.0), 25,
         {"dead_time": 12.0, "lag": 15.0, "dead_zone": 0.6, "saturation": 4.5, "backlash": 0.4, "sensor_lag": 15.0, "offset": 1.0,
-         "drift": 0.0006, "sensor_high": np.nan, "sensor_low": np.nan, "start": 5.0, "outliers": 0.02},
-        linear=False,
+         "drift": 0.0006, "sensor_high": np.nan, "sensor_low": np.nan, "start": 5.0, "outliers": 0.02,
+         "change q with u": 0.06, "change q with t": -0.0002, "change a2 with t": 0.0002, "change a1 with t": 0.0003},
+        linear=False, references={"u": 3.5}, drivers=("h1", "h2"),
     ),
 }  # fmt: skip
 
@@ -155,9 +168,24 @@ BRAKED = {"second": "v", "motor": "w"}
 
 # two at once, of plants that can have both
 PAIRS = {
-    "first": ("dead_time+drift", "dead_time+outliers", "dead_zone+offset", "saturation+lag", "dead_time+sensor_high"),
+    "first": (
+        "dead_time+drift",
+        "dead_time+outliers",
+        "dead_zone+offset",
+        "saturation+lag",
+        "dead_time+sensor_high",
+        "dead_time+change K with t",
+    ),
     "second": ("dead_time+drift", "coulomb+offset", "dead_time+outliers", "backlash+start", "coulomb+dead_time"),
-    "motor": ("coulomb+offset", "dead_time+drift", "quadratic+dead_time", "saturation+outliers", "coulomb+sensor_lag"),
+    "motor": (
+        "coulomb+offset",
+        "dead_time+drift",
+        "quadratic+dead_time",
+        "saturation+outliers",
+        "coulomb+sensor_lag",
+        "coulomb+stribeck",
+        "change k with t+offset",
+    ),
     "tanks": ("dead_time+drift", "dead_zone+offset", "saturation+outliers", "lag+start", "dead_time+sensor_high"),
 }
 
@@ -182,10 +210,18 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
     x = np.array(plant.start, dtype=float)
     if "start" in sizes:
         x[{"first": 0, "second": 0, "motor": 1, "tanks": 0}[plant.name]] += sizes["start"]
-    extra = {f: s for f, s in sizes.items() if f in ("coulomb", "quadratic")}
+    extra = {f: s for f, s in sizes.items() if f in ("coulomb", "quadratic", "stribeck")}
+    changing = [(*f.removeprefix("change ").split(" with "), s) for f, s in sizes.items() if f.startswith("change ")]
     lagged, played, shown = u[0], u[0], plant.output(x)
     y = np.empty(n)
-    rate = plant.rate
+
+    def rate(x: np.ndarray, now: float, at: float) -> np.ndarray:
+        p = dict(plant.truth)
+        for subject, driver, size in changing:
+            seen = {"u": now, "t": at, **dict(zip(plant.drivers, x, strict=True))}[driver]
+            p[subject] *= 1.0 + size * (seen - plant.references.get(driver, 0.0))
+        return plant.rate(x, now, p, extra)
+
     for k in range(n):
         y[k] = shown if "sensor_lag" in sizes else plant.output(x)
         for j in range(FINE):
@@ -202,10 +238,11 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
             if "lag" in sizes:
                 lagged += (now - lagged) * (1.0 - np.exp(-fine / sizes["lag"]))
                 now = lagged
-            a = rate(x, now, extra)
-            b = rate(x + 0.5 * fine * a, now, extra)
-            c = rate(x + 0.5 * fine * b, now, extra)
-            x = x + fine / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + fine * c, now, extra))
+            begin = t[k] + j * fine
+            a = rate(x, now, begin)
+            b = rate(x + 0.5 * fine * a, now, begin + 0.5 * fine)
+            c = rate(x + 0.5 * fine * b, now, begin + 0.5 * fine)
+            x = x + fine / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + fine * c, now, begin + fine))
             shown += (plant.output(x) - shown) * (1.0 - np.exp(-fine / sizes["sensor_lag"])) if "sensor_lag" in sizes else 0.0
     added = noise * float(np.std(y)) * _noise(rng, n, fault == COLOURED)
     y = y + added
@@ -303,10 +340,8 @@ def judged(plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0
         found, three = ["outliers", *found], ["outliers", *three]
         very.append(["outliers"])
     own = [_allowed(plant, f) for f in fault.split("+")] if fault not in (CLEAN, COLOURED) else []
-    hits = [
-        [any(n.split(" ")[0] in names for n in where) for names in own] for where in (found, [*found, *three, *later], [*found, *later])
-    ]
-    wrong = [" or ".join(names) for names in very if not any(n.split(" ")[0] in o for n in names for o in own)]
+    hits = [[any(_is(n, names) for n in where) for names in own] for where in (found, [*found, *three, *later], [*found, *later])]
+    wrong = [" or ".join(names) for names in very if not any(_is(n, o) for n in names for o in own)]
     first, among, every = (any(hits[0]), all(hits[1]), all(hits[2])) if own else (not found, not found, not found)
     return Named(
         plant.name, fault, noise, seed, tuple(found), tuple(later), tuple(three), first, among, every, tuple(wrong), float(left), seconds
@@ -332,6 +367,11 @@ def _problem(plant: Plant, made: Made, folder: Path) -> tuple[Any, Any]:
     problem = last.with_recordings({"a": fresh})
     _LAST[plant.name] = study, problem
     return study, problem
+
+
+def _is(named: str, faults: set[str]) -> bool:
+    """Whether what was named is one of these faults; a change is one of a certain parameter with a certain signal."""
+    return (named if named.startswith("change ") else named.split(" ")[0]) in faults
 
 
 def _allowed(plant: Plant, fault: str) -> set[str]:

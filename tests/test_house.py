@@ -137,3 +137,55 @@ def lacks_annotations(node: ast.AST) -> bool:
 @pytest.mark.parametrize("text", ["def f(a) -> None: ...", "def f(a: int): ...", "class A:\n    def f(self, *a) -> None: ..."])
 def test_a_function_without_annotations_is_found(text):
     assert [lacks_annotations(f) for f in public(ast.parse(text))] == [True]
+
+
+EVALUATE = SOURCE / "problem" / "evaluate"
+
+
+def evaluators() -> set[str]:
+    """Classes of the evaluators' room that have what the protocol asks for."""
+    protocol = next(n for n in ast.parse((EVALUATE / "evaluator.py").read_text("utf-8")).body if isinstance(n, ast.ClassDef))
+    asked = {n.name for n in protocol.body if isinstance(n, ast.FunctionDef)} - {"local", "recordings"}  # those may be fields
+    found = set()
+    for path in EVALUATE.glob("*.py"):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if isinstance(node, ast.ClassDef) and node.name != "Evaluator":
+                own = {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
+                own |= {n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+                if asked <= own:
+                    found.add(node.name)
+    return found
+
+
+def told_apart(text: str, names: set[str]) -> list[int]:
+    """Lines that ask of something whether it is one of these classes: by isinstance, by its type, or by a match."""
+    lines = []
+    for node in ast.walk(ast.parse(text)):
+        kinds: list[ast.AST] = []
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
+            kinds = list(node.args[1:])
+        elif isinstance(node, ast.Compare) and any(_type_of(side) for side in (node.left, *node.comparators)):
+            kinds = [node.left, *node.comparators]
+        elif isinstance(node, ast.MatchClass):
+            kinds = [node.cls]
+        if any(isinstance(n, ast.Name) and n.id in names for kind in kinds for n in ast.walk(kind)):
+            lines.append(node.lineno if isinstance(node, ast.expr) else kinds[0].lineno)  # type: ignore[attr-defined]
+    return lines
+
+
+def _type_of(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "type"
+
+
+def test_no_evaluator_is_told_apart_by_its_class():
+    """Each of them is asked by the protocol alone; the planted lines show that another way would be seen."""
+    names = evaluators()
+    assert names == {"BatchedRecords", "RecordByRecord", "MovingAndSteady", "Smoothed"}
+    for planted in (
+        "if isinstance(e, BatchedRecords):\n    pass", "x = isinstance(e, (int, Smoothed))", "if type(e) is RecordByRecord:\n    pass",
+        "match e:\n    case MovingAndSteady():\n        pass", "x = isinstance(e, int | Smoothed)",
+    ):  # fmt: skip
+        assert told_apart(planted, names) == [2 if planted.startswith("match") else 1], planted
+    assert not told_apart("x = isinstance(e, Model)\ny = BatchedRecords(e)", names)
+    wrong = [f"{path.relative_to(ROOT)}:{line}" for path in SOURCE.rglob("*.py") for line in told_apart(path.read_text("utf-8"), names)]
+    assert not wrong, wrong

@@ -20,7 +20,7 @@ WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 640, 170, 44, 10, 22
 PERIOD, SAMPLES, GAIN, LAG, FINE = 0.05, 240, 2.0, 0.5, 20
 SIZES = {
     "dead_time": 0.4, "lag": 0.5, "dead_zone": 0.8, "saturation": 1.2, "backlash": 0.6, "coulomb": 2.5, "quadratic": 0.5, "start": 2.5,
-    "sensor_lag": 0.5, "offset": 0.8, "drift": 0.15, "sensor_high": 2.0, "sensor_low": -0.8,
+    "sensor_lag": 0.5, "offset": 0.8, "drift": 0.15, "sensor_high": 2.0, "sensor_low": -0.8, "stribeck": 4.0, "change": 0.25,
 }  # fmt: skip
 STYLE = (
     ".with{stroke:#d97706}.without{stroke:#64748b}.place{fill:#3b82f6;fill-opacity:.15}.mark{fill:#d97706}"
@@ -36,7 +36,7 @@ def pictures() -> dict[str, tuple[str, str, str]]:
     found = {}
     u = np.repeat(np.random.default_rng(2).uniform(-1.5, 2.0, SAMPLES // 40), 40)
     for kind, candidate in CANDIDATES.items():
-        signal = {"inputs": "u", "states": "x", "outputs": "y"}[KINDS[kind].to]
+        signal = {"inputs": "u", "states": "x", "changes": "K with u", "outputs": "y"}[KINDS[kind].to]
         said = KINDS[kind].sentence.format(signal)
         said = said if said.startswith(f"{signal} ") else said[0].upper() + said[1:]
         found[kind] = candidate.name.format(signal), f"{said}.", svg([("without", T, plant(u)), ("with", T, faulty(kind, u))])
@@ -51,14 +51,15 @@ def pictures() -> dict[str, tuple[str, str, str]]:
 
 
 def plant(u: np.ndarray, start: float = 0.0, braked: Mapping[str, float] | None = None) -> np.ndarray:
-    """x' = (GAIN u - x)/LAG (n,), less dry friction or a drag, from `start`, by steps of a twentieth of the period."""
+    """x' = (GAIN u - x)/LAG (n,), less friction or a drag, the gain changing with u, from `start`, in steps of a twentieth period."""
     x, y, h = start, np.empty(len(u)), PERIOD / FINE
     own = braked or {}
     for k, v in enumerate(u):
         y[k] = x
         for _ in range(FINE):
-            rate = (GAIN * v - x) / LAG
-            x += h * (rate - own.get("coulomb", 0.0) * np.tanh(x / 0.02) - own.get("quadratic", 0.0) * x * abs(x))
+            rate = (GAIN * (1.0 + own.get("change", 0.0) * v) * v - x) / LAG
+            dry = own.get("coulomb", 0.0) + own.get("stribeck", 0.0) * np.exp(-((x / 0.5) ** 2))
+            x += h * (rate - dry * np.tanh(x / 0.02) - own.get("quadratic", 0.0) * x * abs(x))
     return y
 
 

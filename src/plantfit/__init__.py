@@ -67,6 +67,7 @@ _PLACES = {
     "equations": "plantfit.models",
     "estimate_parameters": "plantfit.estimators",
     "fit": "plantfit.fitting",
+    "hold": "plantfit.holding",
     "from_arrays": "plantfit.recording",
     "from_frame": "plantfit.recording",
     "load": "plantfit.spec",

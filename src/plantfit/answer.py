@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
     import polars as pl
 
+    from plantfit.trust.diagnosis.plant.regression import Regression
+
 MOST_SHOWN = 20  # parameters in a repr, which has to fit on a screen
 
 Signals = dict[str, dict[str, np.ndarray]]
@@ -139,21 +141,25 @@ class Answer:
         return record
 
     def diagnose(
-        self, *, whole: bool = False, progress: Callable[[str], None] | None = None, stop: Callable[[], bool] | None = None
-    ) -> dict[str, Any] | None:
+        self, *, whole: bool = False, progress: Callable[[str], None] | None = None, stop: Callable[[], bool] | None = None,
+        regression: "Regression | None" = None,
+    ) -> dict[str, Any] | None:  # fmt: skip
         """Look for what is missing in the model (docs/diagnosis.md), and give section "diagnosis" of the findings.
 
         Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white, and takes at
         most twice the evaluations of the search; None where there is nothing to look for, and for models that are not simulated over
-        time. With `whole` everything is tried, whatever the residual is. `progress` is told what is being tried; the diagnosis ends where
-        `stop` says True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is not
-        simulated over time.
+        time; of a regression the findings then say how. With `whole` everything is tried, whatever the residual is, and on regressions,
+        too; of one that was filtered before the fit `regression` is what it was before (`plantfit.spec.before_filter`). `progress` is
+        told what is being tried; the diagnosis ends where `stop` says True, and the findings then say that it was stopped. Raises
+        ModelError only with `whole`, for a model that is neither simulated over time nor a regression.
         """
         from plantfit.first_look import linear_beside
         from plantfit.trust.diagnosis import with_diagnosis
 
         started = time.perf_counter()
-        made = with_diagnosis(self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop, linear=linear_beside)
+        made = with_diagnosis(
+            self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop, linear=linear_beside, regression=regression
+        )
         if made is not self.findings:
             seconds = {**made["reproduction"]["seconds"], "diagnosis": time.perf_counter() - started}
             made["reproduction"] = {**made["reproduction"], "seconds": seconds}

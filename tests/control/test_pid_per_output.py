@@ -1,12 +1,17 @@
 """Pole placement for a PID at each output, against eigenvalues and a loop written out."""
 
+import ctypes
+
 import numpy as np
 import pytest
+from c_programs import ArrayProgram
 from plants import CARTS, PERIOD, STICK, carts, stick, straight, upright
 
-from plantfit.control import Gains, linearised, pid_per_output
+from plantfit.control import Gains, design_to_c, linearised, pid_per_output
 from plantfit.errors import SimulationError
 from plantfit.models.library.pendubot import pendubot
+
+import jax
 
 ARM = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077, "kt": 0.0724, "ke": 0.0724, "Ra": 2.983}
 
@@ -90,3 +95,43 @@ def test_gains_may_be_changed():
 def test_bad_input_is_named(call, words):
     with pytest.raises(SimulationError, match=words):
         call()
+
+
+class PidsProgram(ArrayProgram):
+    """PIDs of several outputs as exported: the command is what NAME_update returns."""
+
+    def update(self, measurement, reference):
+        function = getattr(self.library, f"{self.name}_update")
+        function.restype = self.real
+        arrays = [None if a is None else np.ascontiguousarray(a, self.kind) for a in (measurement, reference)]
+        return function(self.state, *(None if a is None else a.ctypes.data_as(ctypes.POINTER(self.real)) for a in arrays))
+
+
+@pytest.mark.parametrize("number", ["double", "float"])
+@pytest.mark.parametrize("given", [True, False])
+def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, number, given):
+    """Two outputs of the pendubot, one with an integral, limits that bind, with a reference and about the point."""
+    plant = linearised(pendubot(drive="voltage"), ARM, {"theta1": np.pi / 2})
+    design = pid_per_output(
+        plant, 1e-3, [-12.0, -9.0 + 3.0j, -9.0 - 3.0j, -5.0, -0.7], integral="theta2", filter_time=5e-3, limits=(-14.0, 9.0)
+    )  # fmt: skip
+    rng, n = np.random.default_rng(2), 10_000 if number == "double" else 400
+    k = np.arange(n)
+    y = plant.y0 + np.stack([0.02 * np.sin(k / 90.0), 0.03 * np.cos(k / 130.0)], axis=1) + rng.normal(0, 1e-4, (n, 2))
+    r = plant.y0 + np.stack([0.01 * np.sign(np.sin(k / 700.0)), 0.0 * k], axis=1)
+    update = jax.jit(design.controller.update)
+    state, ours = design.controller.init(dict(zip(plant.outputs, y[0], strict=True)), design.parameters), []
+    for a, b in zip(y, r, strict=True):
+        followed = dict(zip(plant.outputs, b, strict=True)) if given else {}
+        state, command = update(state, dict(zip(plant.outputs, a, strict=True)), followed, design.parameters)
+        ours.append(float(command[plant.inputs[0]]))
+    program = PidsProgram(design_to_c(design, tmp_path, name="arms", number=number), number)
+    program.call("init", y[0])
+    told = np.array([program.update(a, b if given else None) for a, b in zip(y, r, strict=True)])
+    assert np.mean((told > -14.0) & (told < 9.0)) > 0.1
+    if number == "double":
+        assert told.min() == -14.0
+        assert told.max() == 9.0
+        np.testing.assert_allclose(told, ours, rtol=1e-12, atol=1e-9)
+    else:
+        np.testing.assert_allclose(told, ours, atol=2e-2)

@@ -139,3 +139,25 @@ def test_amigo_on_its_own_model():
     assert isa is not None
     assert isa[:3] == pytest.approx((0.2 + 0.45 * 4, (0.4 + 0.8 * 4) / 1.4, 0.5 * 4 / 4.3), rel=1e-9)
     assert isa.b == 0.0
+
+
+def test_a_state_that_reaches_no_measured_output_does_not_hinder_its_loop():
+    """The angle of a motor grows while its speed is held: a loop of the speed rests, and has the matrices of the speed alone."""
+    model = equations(
+        "i' = (u - R*i - k*w)/L\nw' = (k*i - d*w)/J\nq' = w\nz = w\ny = q", inputs=["u"], states=["i", "w", "q"], outputs=["z", "y"],
+        parameters=["R", "L", "k", "d", "J"], name="motor",
+    )  # fmt: skip
+    p = {n: np.array([v, 1.1 * v]) for n, v in {"R": 1.0, "L": 0.1, "k": 0.2, "d": 0.01, "J": 0.02}.items()}
+    speed = OneLoop(model, "z", "u", {}, p)
+    assert speed.followed == ("i", "w")
+    rest = speed.at_rest(3.0, (-10.0, 0.0, 10.0))
+    truth = 3.0 * (p["d"] * p["R"] / p["k"] + p["k"])
+    np.testing.assert_allclose(rest.u, truth, rtol=1e-9)
+    np.testing.assert_allclose(rest.A[0], [[-10.0, -2.0], [10.0, -0.5]])
+    angle = OneLoop(model, "y", "u", {}, p, inner="z")
+    assert angle.followed == ("i", "w", "q")
+    rest = angle.at_rest(3.0, (-10.0, 0.0, 10.0))
+    np.testing.assert_allclose(rest.u, 0.0, atol=1e-9)
+    assert angle.of_inner(rest).A.shape == (2, 2, 2)
+    assert integrators(rest) == 1
+    assert integrators(angle.of_inner(rest)) == 0

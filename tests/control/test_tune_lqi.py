@@ -13,7 +13,7 @@ from plantfit.control.linear.doubling import doubled
 from plantfit.control.linear.riccati import filter_gain, regulator_gain
 from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
-from plantfit.control.tune.forms import lqi_form
+from plantfit.control.tune.forms.servo_forms import lqi_form
 from plantfit.control.tune.frequency import frequencies, input_matrices, margins, sampled_response
 from plantfit.control.tune.loop_design import judged_on
 from plantfit.control.tune.loop_scores import Judge, from_rest

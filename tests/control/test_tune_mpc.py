@@ -18,7 +18,7 @@ from plantfit.control.linear.predictive.quadratic import Split
 from plantfit.control.linear.predictive.servo_mpc import growing, multiplications, servo_mpc
 from plantfit.control.linear.servo import servo
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
-from plantfit.control.tune.forms import lqi_form, mpc_form
+from plantfit.control.tune.forms.servo_forms import lqi_form, mpc_form
 from plantfit.control.tune.loop_scores import Judge, StepAndLoad, slewed
 from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.told import settings, table, verdict
@@ -168,6 +168,7 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
         **dict.fromkeys(LoopFigures.model_fields, 0.5),
         "stable": True,
         "worst": {},
+        "meets": {"overshoot": 0.5},
     }  # its share of plants is not the servo's share
     row = PredictiveLoop(name="all plants", source="", form="MPC", **settings(given), **figures).plain()
     assert row["share"] == 0.5  # of plants, which is not the servo's share

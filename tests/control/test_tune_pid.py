@@ -198,3 +198,26 @@ def test_what_a_recording_tells_of_its_sensor():
     assert quantum_of(np.round(slow / 0.25) * 0.25) == pytest.approx(0.25)
     assert quantum_of(slow + rng.normal(0, 0.1, 500)) == 0.0
     assert noise_of(slow + rng.normal(0, 0.1, 500)) == pytest.approx(0.1, rel=0.15)
+
+
+@pytest.mark.slow
+def test_plants_may_be_weighed_by_their_mean_or_the_worst_of_them():
+    """The mean is faster in the mean, the worst case faster on the slowest of the plants that were searched on."""
+    found = {}
+    for over in ("expected", "worst"):
+        found[over] = tuned_loop(family(60, 1), family(60, 1), replace(WISHES, over=over, ms=3.0, overshoot=80.0), budget=300, seed=3)
+    costs = {k: np.asarray(d.judged.scores.iae[0]) + np.asarray(d.judged.scores.load_iae[0]) / 0.36 for k, d in found.items()}
+    assert np.mean(costs["expected"]) < np.mean(costs["worst"])
+    assert np.max(costs["worst"]) < np.max(costs["expected"])
+
+
+def test_shares_of_each_specification_stand_beside_that_of_all(design):
+    from plantfit.control.tune.told import table
+
+    first, alone = table(design)[:2]
+    assert list(first.meets) == ["stable", "overshoot 10 %", "Ms 1.6", "at the set point"]
+    for i, row in enumerate((first, alone)):
+        assert row.meets["overshoot 10 %"] == pytest.approx(np.mean(design.judged.scores.overshoot[i] <= 10.0))
+        assert row.meets["Ms 1.6"] == pytest.approx(np.mean(design.judged.ms[i] <= 1.6))
+        assert row.share <= min(row.meets.values()) + 1e-12
+    assert alone.meets["Ms 1.6"] < first.meets["Ms 1.6"]

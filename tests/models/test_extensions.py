@@ -20,24 +20,28 @@ TRUTH = {
     "first": {"K": 8.0, "tau": 0.6},
     "second": {"m": 0.5, "b": 0.8, "k": 4.0},
 }
-WHERE = {"dead_time": "u", "lag": "u", "dead_zone": "u", "saturation": "u", "backlash": "u", "start": "x", "coulomb": "v", "quadratic": "v"}
+WHERE = {"start": "x", **dict.fromkeys(("dead_time", "lag", "dead_zone", "saturation", "backlash"), "u")}
+WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*(k for k in KINDS if k != "change"), "change k with x", "change b with t", "change m with t"])
 def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
-    plant = PLANTS["second"]
-    place = write(plant, kind, 0.0, 0, tmp_path)
-    signal, size = WHERE.get(kind, "y"), plant.faults[kind]
+    plant, fault = PLANTS["second"], kind
+    place = write(plant, fault, 0.0, 0, tmp_path)
+    kind, _, pair = kind.partition(" ")
+    signal, size = pair or WHERE.get(kind, "y"), plant.faults[fault]
     assert kind != "start" or signal == STARTED["second"]
     low = 0 if kind == "dead_time" else -100
-    text = place.read_text().replace("[parameters]", f"extensions = {{ {kind} = {{ {signal} = [{low}, 100] }} }}\n[parameters]\n")
-    if kind == "coulomb":
+    text = place.read_text().replace("[parameters]", f'extensions = {{ {kind} = {{ "{signal}" = [{low}, 100] }} }}\n[parameters]\n')
+    if kind in ("coulomb", "stribeck"):
         text += "creep_v = { value = 1e-3 }\n"
+    text += "stribeck_speed_v = { value = 0.1 }\n" if kind == "stribeck" else ""
+    text += f"{parameter_name('reference', signal)} = {{ value = 0 }}\n" if kind == "change" else ""
     place.write_text(text)
     problem = load(place).problem.with_simulator(load(place).problem.predictor.stepping().refined(16))
     bare = load(write(plant, "clean", 0.0, 0, tmp_path)).problem  # the record of another file name would be another one
     values = TRUTH["second"] | {parameter_name(kind, signal): size}
-    write(plant, kind, 0.0, 0, tmp_path)
+    write(plant, fault, 0.0, 0, tmp_path)
     measured = problem.experiments["a"].recording["y"]
     at = lambda p: p.predict(np.array([values[n] for n in p.space.names]))["y"]  # noqa: E731
     without = at(bare)
@@ -85,6 +89,10 @@ def test_a_library_model_takes_additions_and_can_be_pickled():
         ({"offset": {"u": (0, 1)}}, "not one of its outputs"),
         ({"lag": {"u": (1, 0)}}, "bounds"),
         ({"dead_time": {"u": (0, 1)}}, "one already"),
+        ({"change": {"K": (-1, 1)}}, "'K', which is no pair; write .* as in 'K with u'"),
+        ({"change": {"G with u": (-1, 1)}}, "'G' is no parameter or input that can change"),
+        ({"change": {"K with v": (-1, 1)}}, "'v' is no input, state or t"),
+        ({"change": {"u with u": (-1, 1)}}, "cannot change with itself"),
     ],
 )
 def test_what_cannot_be_added_is_said(given, said):
@@ -92,12 +100,53 @@ def test_what_cannot_be_added_is_said(given, said):
         with_extensions(first_order(), given)
 
 
-def test_a_regression_takes_none(tmp_path):
-    (tmp_path / "a.csv").write_text("t,tau,q,dq,ddq\n" + "\n".join(f"{k * 0.1},{k % 3},{k},{k % 5},{k % 7}" for k in range(30)))
-    text = (
-        'name = "r"\n[recording.a]\nfile = "a.csv"\n[model]\nkind = "drive_regression"\n'
-        "extensions = { offset = { tau = [0, 1] } }\n[parameters]\n"
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("dead_time = { force = [0, 1] }", "is a regression: 'dead_time' cannot be added to it. It takes offset, viscous, coulomb"),
+        ("coulom = { force = [0, 1] }", "'coulom' cannot be added to it. Did you mean 'coulomb'"),
+        ("offset = { fore = [0, 1] }", "'fore' is none of its outputs ['force']. Did you mean 'force'"),
+        ("offset = { force = [1, 0] }", "offset of 'force' is (1.0, 0.0); write the bounds of its parameter, as in [0, 1]"),
+        ("coulomb = { 'force with velocity' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),
+        ("coulomb = { 'force with velocity over fast' = [0, 1] }", "whose scale is no number"),
+        ("coulomb = { 'force with velocity over -1' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),
+        ("quadratic = { 'force with velocty' = [0, 1] }", "it reads no 'velocty'. Did you mean 'velocity'"),
+        ("quadratic = { force = [0, 1] }", "write it as in 'force with acceleration'"),
+        ("change = { 'K with velocity' = [0, 1] }", "'K' is none of its coefficients"),
+    ],
+)
+def test_what_a_regression_cannot_take_is_told_with_what_it_can(tmp_path, given, told):
+    with pytest.raises(PlantfitError) as error:
+        load(regression(tmp_path, given))
+    assert told in str(error.value), str(error.value)
+    assert "s.toml, [model]" in str(error.value)
+
+
+def test_a_regression_with_columns_more_predicts_their_sum(tmp_path):
+    study = load(
+        regression(
+            tmp_path,
+            "quadratic = { 'force with velocity' = [-1, 1] }, change = { 'M with velocity' = [-1, 1] }, "
+            "stribeck = { 'force with velocity over 2' = [-9, 9], 'force with velocity over 3' = [-9, 9] }",
+        )
     )
-    (tmp_path / "s.toml").write_text(text)
-    with pytest.raises(PlantfitError, match="regression"):
-        load(tmp_path / "s.toml")
+    assert list(study.problem.space.names)[-4:] == [
+        "quadratic_force_with_velocity", "change_M_with_velocity", "stribeck_force_with_velocity", "stribeck_force_with_velocity_2",
+    ]  # fmt: skip
+    values = {"M": 2.0, "Fv": 3.0, "Fc": 0.5, "offset": 0.1} | dict(zip(study.problem.space.names[-4:], (0.3, 0.7, 1.1, 1.3), strict=True))
+    found = study.problem.predict(np.array([values[n] for n in study.problem.space.names]), "a")["force"]
+    v, a = (study.problem.experiments["a"].recording[n] for n in ("velocity", "acceleration"))
+    steps = sum(c * np.exp(-((v / s) ** 2)) * np.tanh(v / (0.1 * s)) for c, s in ((1.1, 2.0), (1.3, 3.0)))
+    assert found == pytest.approx((2.0 + 0.7 * v) * a + 3.0 * v + 0.5 * np.sign(v) + 0.1 + 0.3 * v * np.abs(v) + steps)
+
+
+def regression(tmp_path, extensions):
+    rows = "\n".join(f"{k * 0.1},{k % 3},{k % 5 - 2},{k % 7 - 3}" for k in range(30))
+    (tmp_path / "a.csv").write_text("t,force,velocity,acceleration\n" + rows)
+    (tmp_path / "s.toml").write_text(
+        'name = "r"\n[recording.a]\nfile = "a.csv"\ntime = "t"\n'
+        'signals = { force = "force", velocity = "velocity", acceleration = "acceleration" }\n'
+        'units = { force = "N", velocity = "m/s", acceleration = "m/s^2" }\n'
+        f'[model]\nkind = "drive_regression"\nextensions = {{ {extensions} }}\n[parameters]\n'
+    )
+    return tmp_path / "s.toml"

@@ -5,10 +5,10 @@ import pytest
 
 from plantfit.models.extensions import KINDS
 from plantfit.testing import check_candidate
-from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind, Inside, candidates
+from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind, Changing, Inside, candidates
 from plantfit.trust.diagnosis.catalogue import Extension
 
-PLACES = {"inputs": Before, "states": Inside, "outputs": Behind}
+PLACES = {"inputs": Before, "states": Inside, "changes": Changing, "outputs": Behind}
 
 
 def test_every_extension_of_a_model_is_a_candidate_at_its_place():
@@ -64,4 +64,18 @@ def test_bounds_of_the_study_file_hold_the_value_that_was_found():
     for kind, candidate in CANDIDATES.items():
         low, high = candidate.bounds(0.1, 3.0, 0.8)
         assert low < 0.8 < high, kind
-        assert (low < 0) == (kind in ("offset", "drift", "start")), kind
+        assert (low < 0) == (kind in ("offset", "drift", "start", "change")), kind
+
+
+@pytest.mark.parametrize("kind", candidates(Behind))
+def test_laws_of_sensors_pass_on_what_a_plant_that_explodes_gives(kind):
+    """The fit then sees a cost that is not finite, and turns away; before the explosion all is as it was."""
+    t, y = np.arange(50.0), np.sin(np.arange(50.0))
+    slopes = np.column_stack([y, 2.0 * y])
+    bad, bad_slopes = y.copy(), slopes.copy()
+    bad[30:], bad_slopes[31:, 1] = np.inf, np.nan
+    law = candidates(Behind)[kind].law
+    with np.errstate(all="ignore"):
+        shown, well = law(t, bad, bad_slopes, 0.7, 1.0), law(t, y, slopes, 0.7, 1.0)
+    assert shown[0][:30] == pytest.approx(well[0][:30])
+    assert shown[1][:30] == pytest.approx(well[1][:30])

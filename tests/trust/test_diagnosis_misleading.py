@@ -66,7 +66,7 @@ def test_friction_that_is_whole_at_once_is_followed_to_the_noise(tmp_path):
     first = d.found[0]
     assert first.extension.kind == "coulomb"
     assert first.value == pytest.approx(0.8, rel=0.02)
-    assert d.carrier.creeps["v"] < 0.005
+    assert d.carrier.values["creep_v"] < 0.005
     sentences = diagnosis_record(d)["verdict"]
     assert "very likely missing" in sentences[0]["sentence"]
     assert not any("noise is left" in s["sentence"] for s in sentences)

@@ -59,3 +59,26 @@ def test_what_is_determined_is_drawn_from_the_covariance_alone(monkeypatch):
     np.testing.assert_array_equal(plausible(answer.problem, answer.best.x, rows, 50, seed=2).values, before.values)
     with pytest.raises(pytest.fail.Exception, match="walked"):
         plausible(answer.problem, answer.best.x, [{**r, "status": "weak"} for r in rows], 50, seed=2)
+
+
+def test_draws_that_seldom_lie_within_all_limits_are_made_until_there_are_enough(monkeypatch):
+    """Of many coordinates most draws leave some limit; only where the cost refuses nearly all is it given up."""
+    import plantfit.trust.intervals.plausible as module
+    from plantfit.errors import SearchError
+
+    bounds = {"a": pf.Parameter((0.2, 20.0), scale="log"), "b": pf.Parameter((0.1, 10.0), scale="log"),
+              "tau": pf.Parameter((1.0, 50.0), scale="log")}  # fmt: skip
+    answer = answered("x' = (a*b*u - x)/tau\ny = x", ["a", "b", "tau"], bounds, 0.1)
+    rows = answer.findings["parameters"]
+    monkeypatch.setattr(module, "by_likelihood", lambda *a: None)
+    inside = module._Around._inside
+
+    def seldom(self, found, move, limits):  # as of 31 coordinates: one in 300 draws lies within all limits
+        return inside(self, found, move, limits) & (self.rng.uniform(size=len(found)) < 1 / 300)
+
+    monkeypatch.setattr(module._Around, "_inside", seldom)
+    drawn = plausible(answer.problem, answer.best.x, rows, 100, seed=2)
+    assert drawn.values.shape == (101, 3)
+    monkeypatch.setattr(module, "MORE_ROUNDS", 0)
+    with pytest.raises(SearchError, match=r"Of \d+ draws of the parameters within their limits \d+ have a cost that the data allow"):
+        plausible(answer.problem, answer.best.x, rows, 100, seed=2)

@@ -63,6 +63,32 @@ class ResidualChange(Record):
     after: Values
 
 
+class ValueBeside(Record):
+    """A parameter beside a disturbance that wanders."""
+
+    name: str
+    value: Number = None
+    standard_error: Number = None
+    unit: str | None = None
+
+
+class Wandering(Record):
+    """What is left of an output as a random walk beside white noise, in which nothing follows an input."""
+
+    output: str
+    unit: str | None = None
+    steps: Number = None
+    """Standard deviation from one sample to the next."""
+    period: Number = None
+    """Of the samples, s."""
+    noise: Number = None
+    """Standard deviation."""
+    explained: Number = None
+    """Share of the mean square of what is left."""
+    values: list[ValueBeside] = []
+    """The parameters with that allowed for."""
+
+
 class Diagnosis(Record):
     """Rounds of additions, what they say, and what to write into the study file."""
 
@@ -86,6 +112,8 @@ class Diagnosis(Record):
     name: str = ""
     """Of the problem."""
     verdict: list[Sentence] = []
+    wandering: Wandering | None = None
+    """A disturbance that nothing measured explains."""
     state: Literal["", "whole", "part", "stopped", "left"] = ""
     """Everything was tried, a part of it, it was stopped, or left alone as it would take long."""
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
+    from plantfit.spec.before_filter import before_filter
     from plantfit.spec.in_combinations import Rewritten, in_combinations
     from plantfit.spec.reading import load, parse
     from plantfit.spec.recordings import CLEANING, read_recording, recording_file
@@ -17,6 +18,7 @@ __all__ = [
     "Rewritten",
     "SpecTable",
     "Study",
+    "before_filter",
     "in_combinations",
     "load",
     "model_of",
@@ -30,6 +32,7 @@ __all__ = [
 names_of(
     __name__,
     {
+        "before_filter": "before_filter",
         "in_combinations": "Rewritten in_combinations",
         "reading": "load parse",
         "recordings": "CLEANING read_recording recording_file",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SearchError, SpecError
 from plantfit.models import equations
-from plantfit.models.extensions import parameter_name, with_extensions
+from plantfit.models.extensions import KINDS, parameter_name, with_extensions
+from plantfit.models.extensions.terms import with_terms
 from plantfit.models.library import catalogue as library
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
@@ -109,9 +110,7 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
         model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
         if not m.extensions:
             return model
-        if not isinstance(model, Model):
-            raise SpecError(f"extensions are for models that are simulated, and {model.name!r} is a regression; leave them out.")
-        return with_extensions(model, m.extensions)
+        return with_extensions(model, m.extensions) if isinstance(model, Model) else with_terms(model, m.extensions)
 
 
 @contextmanager
@@ -130,8 +129,10 @@ def _naming(place: str) -> Iterator[None]:
 
 def _from_text(table: SpecTable) -> Model:
     m = table.model
-    added = {shift_name(s) for s in m.clock_shift} | {f"creep_{s}" for s in m.extensions.get("coulomb", {})}
-    added |= {parameter_name(kind, s) for kind, own in m.extensions.items() for s in own}
+    added = {shift_name(s) for s in m.clock_shift}
+    for kind, own in m.extensions.items():
+        beside = KINDS[kind].beside if kind in KINDS else ()
+        added |= {parameter_name(part, s) for part in (kind, *beside) for s in own}
     states = {n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()}
     parameters = {
         n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}

@@ -180,7 +180,7 @@ class ControlTable(_Table):
 
     output: str | None = None
     input: str | None = None
-    controller: Literal["pid", "pi", "lqi", "mpc"] = "pid"
+    controller: Literal["pid", "pi", "smith", "cascade", "scheduled", "lqi", "mpc", "lqr"] = "pid"
     set_point: float | str | None = None
     step: float | str | None = None
     load: float | str | None = None
@@ -203,6 +203,23 @@ class ControlTable(_Table):
     recording: str | None = None
     inputs: dict[str, float | str] = {}
     tolerances: dict[str, float | str] = {}
+    levels: Annotated[int, Field(ge=2, le=20)] | Annotated[list[float | str], Field(min_length=2, max_length=20)] | None = None
+    inner: str | None = None
+    inner_lower: float | str | None = None
+    inner_upper: float | str | None = None
+    settling: float | str | None = None
+    gain_margin: float | None = Field(None, ge=1)
+    phase_margin: float | None = Field(None, ge=0, lt=180)
+    travel: float | str | None = None
+    minimise: dict[str, Annotated[float, Field(ge=0)]] | None = None
+    over: Literal["chance", "expected", "worst"] | None = None
+    front: list[str] = []
+    number: Literal["double", "float", "q15", "q31"] = "double"
+    full_scale: dict[str, float | str] = {}
+    hold: dict[str, float | str] = {}
+    lean: float | str | None = None
+    points: Annotated[int, Field(ge=3, le=100)] = 9
+    pick: Annotated[int, Field(ge=1)] | None = None
 
 
 Quantity = float | str

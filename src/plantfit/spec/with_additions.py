@@ -43,8 +43,10 @@ def with_additions(
         if c.per_recording:
             own["per_recording"] = True
         parameters[c.parameter] = own
-        if c.creep is not None:
-            parameters[f"creep_{c.signal}"] = {"value": _plain(c.creep)}
+        for beside, (low, high, start) in c.ranges:
+            parameters[beside] = {"bounds": [_plain(low), _plain(high)], "start": _plain(start)}
+        for beside, value in c.values:
+            parameters[beside] = {"value": _plain(value)}
     # TOML leaves out a newline behind the quotes, which tomlkit does not write
     new = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
     try:

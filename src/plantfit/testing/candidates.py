@@ -18,7 +18,7 @@ from plantfit.trust.diagnosis.candidates import PLACES, Before, Behind, Inside
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 
 PERIOD, HELD, SAMPLES = 0.05, 40, 400
-SIGNALS = {"inputs": "u", "states": "x", "outputs": "y"}
+SIGNALS = {"inputs": "u", "states": "x", "changes": "K with x", "outputs": "y"}
 GAIN, LAG = 3.0, 0.4
 SCALE, STEP = 2.5, 1e-6
 CLOSE = 0.25  # of the effect: by how much law and model may differ, which treat what is between samples each in its way
@@ -33,7 +33,7 @@ def check_candidate(kind: str, candidate: Any, extension: Kind | None = None) ->
     the model that has the `extension`. Raises AssertionError with what was expected and what came.
     """
     own = extension or getattr(candidate, "extension", None)
-    _expect(type(candidate) in PLACES, kind, f"a {type(candidate).__name__} was given; give a Before, Inside or Behind")
+    _expect(type(candidate) in PLACES, kind, f"a {type(candidate).__name__} was given; give a Before, Inside, Changing or Behind")
     _expect(isinstance(own, Kind), kind, "it has no extension, a plantfit.models.extensions.Kind")
     assert isinstance(own, Kind)
     place = PLACES[type(candidate)]
@@ -203,8 +203,8 @@ def _inside(kind: str, candidate: Inside, extension: Kind, bare: _Plant) -> None
         _expect(made is None or isinstance(made, str), kind, f"its unit for a state in {unit!r} is {made!r}")
     size = candidate.size(spread, rate)
     _expect(math.isfinite(size) and size > 0, kind, f"its size is {size} for a spread of {spread:.3g} and a rate of {rate:.3g}")
-    others = 0.02 * spread
-    one, two, zero = (bare.with_addition(kind, extension, "x", v, others) for v in (1e-3 * size, 2e-3 * size, 0.0))
+    others, signal = 0.02 * spread, SIGNALS[extension.to]
+    one, two, zero = (bare.with_addition(kind, extension, signal, v, others) for v in (1e-3 * size, 2e-3 * size, 0.0))
     whole = float(np.ptp(bare.y))
     _expect(np.allclose(zero, bare.y, atol=1e-6 * whole), kind, "at zero, where it is nothing, its model is another one")
     _expect(bool(np.all(np.isfinite(one))), kind, "its model gives numbers that are not finite")

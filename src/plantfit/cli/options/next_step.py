@@ -57,7 +57,10 @@ def tune(
     load: Annotated[str | None, typer.Option("--load", help="A step of load at the plant's input, in its unit.")] = None,
     output: Annotated[str | None, typer.Option("--output", help="The output that is controlled.")] = None,
     input_: Annotated[str | None, typer.Option("--input", help="The input that is driven.")] = None,
-    controller: Annotated[str | None, typer.Option("--controller", help="pid, pi, lqi (LQ servo with a filter) or mpc.")] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", help="pid, pi, smith, cascade, scheduled, lqi (LQ servo), mpc, or lqr with --hold."),
+    ] = None,
     period: Annotated[str | None, typer.Option("--period", help="Sample time of the controller, as in 0.5s.")] = None,
     lower: Annotated[str | None, typer.Option("--lower", help="Lowest input of the actuator.")] = None,
     upper: Annotated[str | None, typer.Option("--upper", help="Highest input of the actuator.")] = None,
@@ -67,11 +70,40 @@ def tune(
     prediction: Annotated[str | None, typer.Option("--prediction", help="mpc: how far its plan looks ahead, as in 40s.")] = None,
     overshoot: Annotated[float | None, typer.Option("--overshoot", help="Percent that the output may go beyond the set point.")] = None,
     ms: Annotated[float | None, typer.Option("--ms", help="Largest sensitivity Ms.")] = None,
-    share: Annotated[float | None, typer.Option("--share", help="Share of the plants that has to keep both, 0 to 1.")] = None,
+    share: Annotated[float | None, typer.Option("--share", help="Share of the plants that has to keep all limits, 0 to 1.")] = None,
     horizon: Annotated[str | None, typer.Option("--horizon", help="Seconds of step and load together.")] = None,
+    levels: Annotated[
+        str | None, typer.Option("--levels", help='scheduled: levels of the output, as in "20 degC,40 degC", or how many.')
+    ] = None,
+    inner: Annotated[str | None, typer.Option("--inner", help="cascade: the output that its inner loop measures.")] = None,
+    inner_lower: Annotated[str | None, typer.Option("--inner-lower", help="cascade: lowest set point of the inner loop.")] = None,
+    inner_upper: Annotated[str | None, typer.Option("--inner-upper", help="cascade: highest set point of the inner loop.")] = None,
+    hold: Annotated[
+        list[str] | None, typer.Option("--hold", help='lqr: a state and where it is held, as in "theta1=90 deg" (repeat).')
+    ] = None,
+    lean: Annotated[str | None, typer.Option("--lean", help="lqr: how far off the first state may begin, as in 8deg.")] = None,
+    settling: Annotated[str | None, typer.Option("--settling", help="Longest time to within 2 % of the step, as in 30s.")] = None,
+    gain_margin: Annotated[float | None, typer.Option("--gain-margin", help="Least gain margin, a factor.")] = None,
+    phase_margin: Annotated[float | None, typer.Option("--phase-margin", help="Least phase margin in degrees.")] = None,
+    travel: Annotated[str | None, typer.Option("--travel", help="Most that the input may move in step and load together.")] = None,
+    minimise: Annotated[
+        str | None, typer.Option("--minimise", help="Weights of what is made small, as in iae=1,travel=0.2; iae=1,load_iae=1 if left out.")
+    ] = None,
+    over: Annotated[
+        str | None, typer.Option("--over", help="Plants: chance (the share counts; if left out), expected (their mean) or worst.")
+    ] = None,
+    front: Annotated[
+        str | None, typer.Option("--front", help="Two or three figures, as in load_iae,input_noise: controllers that trade them.")
+    ] = None,
+    points: Annotated[int | None, typer.Option("--points", help="Of the front, about.")] = None,
+    pick: Annotated[int | None, typer.Option("--pick", help="Point of the front that becomes the controller.")] = None,
     tolerance: Annotated[
         list[str] | None,
         typer.Option("--tolerance", help='Plants within "tau=10 %" or "L=2 s" of the best fit, in place of those that the data allow.'),
+    ] = None,
+    number: Annotated[str | None, typer.Option("--number", help="Of the C file: double, float, or fixed point q15 or q31.")] = None,
+    full_scale: Annotated[
+        list[str] | None, typer.Option("--full-scale", help='Fixed point: what a full number is, as in "T=100 degC" (repeat).')
     ] = None,
     plants: Annotated[int | None, typer.Option("--plants", help="Plants that judge the controller.")] = None,
     budget: Annotated[int, typer.Option("--budget", help="Controllers to try.")] = 400,
@@ -82,14 +114,18 @@ def tune(
     store: StorePlace = STORE,
     json: Json = False,
 ) -> None:
-    """A PID, LQI or MPC from a finished study, tuned on every plant that the data allow: a table, a page, NAME-tune.json and a C file."""
+    """A controller (PID to MPC) from a finished study, tuned on every plant that the data allow: table, page, NAME-tune.json, C file."""
     from plantfit.cli.commands.design import tune_controller as command
 
     wishes = {
         "step": step, "load": load, "output": output, "input": input_, "controller": controller, "period": period, "lower": lower,
         "upper": upper, "overshoot": overshoot, "ms": ms, "share": share, "horizon": horizon, "plants": plants, "rate": rate,
         "output_lower": output_lower, "output_upper": output_upper, "prediction": prediction,
+        "settling": settling, "gain_margin": gain_margin, "phase_margin": phase_margin, "travel": travel, "points": points, "pick": pick,
+        "inner": inner, "inner_lower": inner_lower, "inner_upper": inner_upper,
     }  # fmt: skip
+    wishes |= {"minimise": minimise, "front": front, "levels": levels, "hold": hold, "lean": lean, "number": number, "over": over}
+    wishes["full_scale"] = full_scale
     command.tune(spec, set_point or [], wishes, tolerance or [], budget, seed, study, out, c, store, json)
 
 

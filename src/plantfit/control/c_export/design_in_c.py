@@ -1,6 +1,7 @@
 """State feedback designs as C: one regulator, or several that are blended."""
 
 import os
+from collections.abc import Mapping
 from string import Template
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.c_export.estimator import estimator_steps, sizes, story
 from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.pids.per_output_in_c import per_output_to_c
 from plantfit.control.linear.design import Design
 from plantfit.control.linear.kalman import Estimator
 from plantfit.control.linear.lqr import StateFeedback
@@ -93,7 +95,7 @@ BLENDED = Template("""    for (i = 0; i < STATES; i++)
 
 
 def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, number: str = "double", note: str = "") -> CFiles:
-    """Write an `lqr` or `takagi_sugeno` design with its filter as C99, NAME.h and NAME.c: struct NAME, NAME_init, NAME_update.
+    """Write an `lqr`, `takagi_sugeno` or `pid_per_output` design as C99, NAME.h and NAME.c: struct NAME, NAME_init, NAME_update.
 
     `number`: "double" or "float"; `note` goes into the header's comment. No memory is allocated, no library called.
     Raises SimulationError for designs of another kind and for what does not fit.
@@ -101,6 +103,8 @@ def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, nu
     checked_name(name)
     checked_number(number, ("double", "float"))
     given, plant = design.parameters, design.plant
+    if isinstance(given, Mapping):
+        return per_output_to_c(design, folder, name=name, number=number, note=note)
     told = story(plant, design.period)
     if isinstance(given, StateFeedback):
         filters, premise, centres = [given.estimator], 0, None
@@ -113,7 +117,7 @@ def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, nu
         told.insert(0, f"Takagi-Sugeno: state feedback blended over {plant.outputs[premise]} = {centres.tolist()}, each with its filter.")
     else:
         raise SimulationError(
-            f"A design with {type(given).__name__} as its parameters has no C; export one made by lqr or takagi_sugeno, "
+            f"A design with {type(given).__name__} as its parameters has no C; export one made by lqr, takagi_sugeno or pid_per_output, "
             "a PID by pid_to_c, a filter by kalman_to_c."
         )
     lower, upper = np.asarray(given.lower), np.asarray(given.upper)

@@ -20,7 +20,8 @@ Limits = Any  # (low, high) for all inputs, or by name
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A controller for `plant`'s outputs and inputs every `period` seconds, and the `parameters` that it was designed to.
+    """A controller for `plant`'s outputs and inputs every `period` seconds, and the `parameters` that it was designed to; `limits` (m,) of
+    the inputs where the parameters do not hold them.
 
     In its loop a reference is a mapping, {} to hold the plant's x0, u0: states to follow by name, and inputs to add to.
     """
@@ -29,6 +30,7 @@ class Design:
     parameters: Any
     plant: LinearPlant
     period: float
+    limits: tuple[np.ndarray, np.ndarray] | None = None
 
     def close(
         self,

@@ -63,7 +63,7 @@ def pid_per_output(
         for j, name in enumerate(plant.outputs)
     }
     low, high = limits_of(limits, plant.inputs)
-    return Design(_summed(plant, pid(period), float(low[0]), float(high[0])), gains, plant, float(period))
+    return Design(_summed(plant, pid(period), float(low[0]), float(high[0])), gains, plant, float(period), (low, high))
 
 
 def _summed(plant: LinearPlant, part: Controller, lower: float, upper: float) -> Controller:

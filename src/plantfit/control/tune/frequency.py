@@ -5,7 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+import plantfit.runtime  # noqa: F401
 from plantfit.control.tune.one_loop import Rest
+
+import jax.numpy as jnp
 
 ROUNDING = 1e-9  # of a sample
 
@@ -93,6 +96,49 @@ def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
     back = xp.exp(-1j * w * period)
     integral = gains.Ki * (0.5 * period) * (1.0 + back) / (1.0 - back)
     return gains.Kp + integral + gains.Kd * (1.0 - back) / (gains.filter_time * (1.0 - back) + period)
+
+
+def margins_in_search(loop: Any) -> tuple[Any, Any]:
+    """Gain margin (a factor) and phase margin (deg) of open loops (..., F), large without a crossing; jax-traceable, on the grid alone."""
+    a, b = loop[..., :-1], loop[..., 1:]
+    part = a.imag / jnp.where(a.imag == b.imag, 1.0, a.imag - b.imag)
+    real = a.real + part * (b.real - a.real)
+    crossed = (a.imag * b.imag <= 0) & (a.imag != b.imag) & (real < 0) & (real > -1)
+    gain = 1.0 / jnp.max(jnp.where(crossed, -real, 1e-9), axis=-1)
+    low, high = jnp.log(jnp.abs(a)), jnp.log(jnp.abs(b))
+    share = low / jnp.where(low == high, 1.0, low - high)
+    near = a + share * (b - a)
+    angle = jnp.degrees(jnp.abs(jnp.angle(-near)))
+    phase = jnp.min(jnp.where((low * high <= 0) & (low != high), angle, 1e9), axis=-1)
+    return gain, phase
+
+
+def open_loop(c: Any, h: Any, xp: Any = np) -> Any:
+    """L (n, F) at the plants' input: of a controller c (F,) and h (n, F), or of a cascade's c (2, F) and h (n, 2, F)."""
+    return c[None, :] * h if c.ndim == 1 else xp.sum(c[None] * h, axis=1)
+
+
+def outer_loop(c: Any, h: Any) -> Any:
+    """L (n, F) at the outer output of a cascade, its inner loop closed."""
+    return c[0] * h[:, 0] / (1.0 + c[1] * h[:, 1])
+
+
+def noise_at_input(c: Any, s: Any, weights: Any, noise: Any, xp: Any = np) -> Any:
+    """Standard deviation (n,) that measurement noise gives the input: s (n, F) sensitivities, `weights` (F,) of the spectrum's frequencies,
+    `noise` standard deviations, one or two."""
+    if c.ndim == 1:
+        return noise * xp.sqrt(xp.sum(xp.abs(c * s) ** 2 * weights, axis=-1))
+    return xp.sqrt(xp.sum(xp.sum(xp.abs(c * noise[:, None]) ** 2, axis=0) * xp.abs(s) ** 2 * weights, axis=-1))
+
+
+def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
+    """`Margins` of a controller on plants; of a cascade the worse of those at the input and at the outer output."""
+    found = margins(open_loop(c, h), w, integrators, unstable)
+    if c.ndim == 1:
+        return found
+    outside = margins(outer_loop(c, h), w, 0)  # its encirclements say nothing: poles of the inner loop are not known here
+    smaller = [np.where(found.stable, np.minimum(a, np.abs(b)), a) for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))]
+    return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
 def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:

@@ -21,7 +21,8 @@ class LoopScores(NamedTuple):
     `settling` (s) of the first sample from which y stays within 2 % (inf if never), `left` the largest |set point - y| of the last fifth of
     the step as a share of it, `load_iae` integral of |set point - y| after the load (unit of y, s), `load_peak` its largest,
     `travel` sum of
-    the moves of the input, `outside` how far y was beyond its limits at most (unit of y)."""
+    the moves of the input, `outside` how far y was beyond its limits at most (unit of y), `itae` integral of t |set point - y| of the step
+    over its size (s^2)."""
 
     iae: Any
     overshoot: Any
@@ -31,6 +32,7 @@ class LoopScores(NamedTuple):
     load_peak: Any
     travel: Any
     outside: Any
+    itae: Any
 
 
 @dataclass(frozen=True)
@@ -132,21 +134,23 @@ def pid_of_limits(period: float, anti_windup: str) -> Controller:
 
 
 @lru_cache(maxsize=32)  # one identity for a choice, so that loops compile once
-def observer(begin: int, period: float) -> Observer:
+def observer(begin: int, period: float, output: str | None = None) -> Observer:
     """Folds a loop whose input is counted from rest, with the load from sample `begin` on, into `LoopScores`; its reference is that of
-    `StepAndLoad.reference`."""
+    `StepAndLoad.reference`. `output` names the one that is judged where several are measured."""
     half = begin * period
     late = 0.8 * half
 
     def init(y, reference):
+        y = y if output is None else y[output]
         zero = 0.0 * y
         return {
             "size": zero + jnp.abs(reference["step"]),
             "iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero, "u": zero,
-            "outside": zero,
+            "outside": zero, "itae": zero,
         }  # fmt: skip
 
     def update(seen, t, y, u, reference):
+        y = y if output is None else y[output]
         off, size = jnp.abs(reference[LEVEL] - y), seen["size"]
         step = t < half - 1e-9 * period
         beyond = jnp.sign(reference["step"]) * (y - reference[LEVEL])
@@ -163,6 +167,7 @@ def observer(begin: int, period: float) -> Observer:
             "travel": seen["travel"] + jnp.abs(u - seen["u"]),
             "u": u,
             "outside": jnp.maximum(seen["outside"], jnp.maximum(y - reference["highest"], reference["lowest"] - y)),
+            "itae": seen["itae"] + jnp.where(step, period * (t + 0.5 * period) * off, 0.0),
         }
 
     def result(seen):
@@ -171,7 +176,7 @@ def observer(begin: int, period: float) -> Observer:
         size = seen["size"]
         return LoopScores(
             seen["iae"] / size + gone, 100.0 * seen["beyond"] / size + gone, settled + gone, seen["left"] / size + gone, seen["load_iae"],
-            seen["peak"] + gone, seen["travel"] + gone, seen["outside"] + gone,
+            seen["peak"] + gone, seen["travel"] + gone, seen["outside"] + gone, seen["itae"] / size + gone,
         )  # fmt: skip
 
     return Observer(init, update, result)
@@ -192,9 +197,10 @@ class Judge:
     given: tuple[Any, ...] = ()
 
     @classmethod
-    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, form: "Looped") -> "Judge":
-        """With a sensor of steps `quantum`, and a form's controller, whose parameters are (its own, the input at rest, *`form.given`)."""
-        return cls(plant, start, course, plant.closed(form.loop, course.period, quantum), form.given)
+    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, form: "Looped", inner_quantum: float = 0.0) -> "Judge":
+        """With sensors of steps `quantum`, and a form's controller, whose parameters are (its own, the input at rest, *`form.given`)."""
+        inner = inner_quantum if form.inner else None
+        return cls(plant, start, course, plant.closed(form.loop, course.period, quantum, inner), form.given)
 
     def part(self, rows: slice) -> "Judge":
         """The same on some of the plants."""
@@ -204,7 +210,8 @@ class Judge:
     @property
     def program(self) -> "Program":
         """What is compiled."""
-        return Program(self.loop, self.course.begin, self.course.samples, self.plant.vector.states)
+        judged = None if self.loop.parts.single_output else self.plant.output
+        return Program(self.loop, self.course.begin, self.course.samples, self.plant.vector.states, judged)
 
     def data(self) -> "LoopData":
         """What it is compiled for: numbers."""
@@ -234,6 +241,9 @@ class Looped(Protocol):
     def loop(self) -> Controller: ...
 
     @property
+    def inner(self) -> bool: ...
+
+    @property
     def given(self) -> tuple[Any, ...]: ...
 
 
@@ -248,12 +258,14 @@ class LoopData(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A loop, the sample of the load and the count of samples, the states of the plant: equal ones share compiled functions."""
+    """A loop, the sample of the load and the count of samples, the states of the plant, the output that is judged where several are
+    measured: equal ones share compiled functions."""
 
     loop: ClosedLoop
     begin: int
     samples: int
     states: tuple[str, ...]
+    output: str | None = None
 
     def one(self, controller: Any, row: tuple[Any, Any, Any], data: LoopData) -> tuple[Any, Any, Any, dict[str, Any]]:
         """Arguments of a loop with the plant of a row."""
@@ -265,7 +277,7 @@ class Program:
 @partial(jax.jit, static_argnums=0)
 def scores_of(program: Program, controllers: Any, data: LoopData) -> LoopScores:
     """`Judge.scores` of a program."""
-    seen = observer(program.begin, program.loop.period)
+    seen = observer(program.begin, program.loop.period, program.output)
 
     def one(gains, row):
         parameters, values, reference, given = program.one(gains, row, data)
@@ -279,6 +291,6 @@ def _responses(program: Program, gains: Any, data: LoopData) -> tuple[Any, Any]:
     def one(row):
         parameters, values, reference, given = program.one(gains, row, data)
         seen = program.loop.simulate(parameters, values, reference, **given)
-        return seen.y, seen.u + row[2]
+        return seen.y if program.output is None else seen.y[program.output], seen.u + row[2]
 
     return jax.vmap(one)(data.rows)

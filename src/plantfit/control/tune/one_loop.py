@@ -20,6 +20,7 @@ import jax.numpy as jnp
 
 LOAD, REST, LEVEL = "load at the input", "input at rest", "level"
 SUBSTEPS = 4  # of a period, where the model is not linear
+POINTS = 3  # at which derivatives tell what a state reaches
 ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
 
 
@@ -27,8 +28,8 @@ ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
 class Rest:
     """Where each of n plants rests at one level of the output, and its matrices there.
 
-    x (n, s) states; u (n,) input, NaN where none holds the level. A (n, s, s), C (n, s), D (n,); B (n, c, s) one row for each of
-    the c ways that the input takes, at once or `late` (n, c) seconds.
+    x (n, S) states; u (n,) input, NaN where none holds the level. A (n, s, s), C (n, s), D (n,) of the s states that reach the output;
+    B (n, c, s) one row for each of the c ways that the input takes, at once or `late` (n, c) seconds.
     """
 
     x: np.ndarray
@@ -42,12 +43,14 @@ class Rest:
 
 @dataclass(frozen=True)
 class Equations:
-    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all other channels."""
+    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all other channels. States
+    other than the `kept` reach no output that is measured; they stay where they are in a search for a rest."""
 
     vector: VectorModel
     ways: tuple[int, ...]
     held: tuple[float, ...]
     output: int
+    kept: tuple[int, ...] = ()
 
     def _channels(self, ways: Any) -> tuple[Any, ...]:
         values: list[Any] = list(self.held)
@@ -67,11 +70,16 @@ def _solved(key: Equations, begin: Any, level: Any, rows: Any) -> Any:
     """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations (starts, n)."""
     ways, n = len(key.ways), len(key.vector.states)
 
-    def equations(z, p):
-        x, u = z[:n], jnp.full(ways, z[n])
-        return jnp.append(key.rate(x, u, p), key.out(x, u, p) - level)
+    kept = np.isin(np.arange(n), key.kept)
 
     def solved(z, p):
+        first = z[:n]
+
+        def equations(z, p):
+            x, u = z[:n], jnp.full(ways, z[n])
+            rate = key.rate(x, u, p)
+            return jnp.append(rate if np.all(kept) else jnp.where(kept, rate, x - first), key.out(x, u, p) - level)
+
         size = jnp.maximum(jnp.linalg.norm(jax.jacfwd(equations)(z, p), axis=1), 1e-300)
 
         def left(z):
@@ -121,7 +129,8 @@ def _vector(key: _Same) -> VectorModel:
 
 @dataclass(frozen=True, eq=False)
 class OneLoop:
-    """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the first the best fit.
+    """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the first the best fit;
+    `inner` is the output that the inner loop of a cascade measures.
 
     Raises SimulationError for a model without states or one that is not smooth.
     """
@@ -131,6 +140,7 @@ class OneLoop:
     input: str
     others: Mapping[str, float]
     plants: Mapping[str, np.ndarray]
+    inner: str | None = None
 
     def __post_init__(self) -> None:
         if not self.model.states:
@@ -161,7 +171,26 @@ class OneLoop:
         """What is compiled once for all plants of one loop."""
         ways = tuple(self.vector.channels.index(n) for n in (self.input, *(d.channel for d in self.model.delays)))
         held = tuple(float(self.others.get(n, 0.0)) for n in self.vector.channels)
-        return Equations(self.vector, ways, held, self.vector.outputs.index(self.output))
+        measured = [self.vector.outputs.index(n) for n in (self.output, self.inner) if n is not None]
+        plain = Equations(self.vector, ways, held, measured[0])
+        patterns = [self._pattern(replace(plain, output=k)) for k in measured]
+        return replace(plain, kept=tuple(np.flatnonzero(np.any(patterns, axis=0)).tolist()))
+
+    def _pattern(self, key: Equations) -> np.ndarray:
+        """Which states (s,) reach an output: by the derivatives at a few points that no symmetry picks."""
+        n, rng = len(self.vector.states), np.random.default_rng(0)
+        x, u = 1.0 + rng.random((POINTS, n)), 1.0 + rng.random(POINTS)
+        p = tuple(jnp.broadcast_to(v[:1], (POINTS, *v.shape[1:])) for v in self._p(self.plants))
+        a, _, c, _ = (np.any(np.asarray(v) != 0, axis=0) for v in _local(key, x, u, p))  # not a number counts as something
+        seen = c
+        for _ in range(n):
+            seen = seen | np.any(a & seen[:, None], axis=0)
+        return seen
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """The states of the matrices: those that reach an output that is measured."""
+        return tuple(self.vector.states[i] for i in self.key.kept)
 
     def part(self, rows: Any) -> "OneLoop":
         """The same of some of the plants."""
@@ -197,7 +226,8 @@ class OneLoop:
 
     def _matrices(self, x: np.ndarray, u: np.ndarray) -> Rest:
         a, b, c, d = (np.asarray(v) for v in _local(self.key, x, u, self._p(self.plants)))
-        return Rest(x, u, a, b, c, d, self._late(u))
+        own = np.array(self.key.kept)
+        return Rest(x, u, a[:, own[:, None], own], b[..., own], c[:, own], d, self._late(u))
 
     def _late(self, u: np.ndarray) -> np.ndarray:
         """Seconds (n, c) of every way of the input."""
@@ -208,26 +238,52 @@ class OneLoop:
             columns.append(values if table is None else np.asarray(jax.vmap(table)(jnp.asarray(values), jnp.asarray(u))))
         return np.stack(columns, axis=1)
 
+    def of_inner(self, rest: Rest) -> Rest:
+        """The same rest with the matrices to the inner output, of the states that reach it."""
+        assert self.inner is not None
+        key = replace(self.key, output=self.vector.outputs.index(self.inner))
+        a, b, c, d = (np.asarray(v) for v in _local(key, rest.x, rest.u, self._p(self.plants)))
+        own = np.flatnonzero(self._pattern(key))
+        return replace(rest, A=a[:, own[:, None], own], B=b[..., own], C=c[:, own], D=d)
+
+    def inner_row(self, rest: Rest) -> np.ndarray:
+        """How the inner output follows the states (n, s) of a rest."""
+        assert self.inner is not None
+        key = replace(self.key, output=self.vector.outputs.index(self.inner))
+        return np.asarray(_local(key, rest.x, rest.u, self._p(self.plants))[2])[:, np.array(self.key.kept)]
+
+    def inner_level(self, rest: Rest) -> float:
+        """The inner output of the first plant at rest."""
+        assert self.inner is not None
+        key = replace(self.key, output=self.vector.outputs.index(self.inner))
+        p = tuple(v[0] for v in self._p(self.plants))
+        return float(key.out(rest.x[0], np.full(len(key.ways), rest.u[0]), p))
+
     def longest(self) -> float:
         """The longest dead time (s) of all plants, anywhere in a table of it."""
         times = [float(np.max(self.plants[d.parameter])) for d in self.model.delays]
         return max([0.0, *times])
 
-    def closed(self, controller: Controller, period: float, quantum: float = 0.0) -> ClosedLoop:
+    def closed(self, controller: Controller, period: float, quantum: float = 0.0, inner_quantum: float | None = None) -> ClosedLoop:
         """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the dead time.
 
         Its reference is a mapping, whose `LEVEL` the controller follows. The same loop for plants of one model, so that what is compiled
         for it is used again; it keeps inputs for a power of two of samples, 16 at least, that is as long as the dead time.
+        With an `inner_quantum` the controller measures {output: y, inner: v}.
         """
         longest = None
         if self.model.delays:
             longest = 2.0 ** max(4, math.ceil(math.log2(self.longest() / period + 1.0))) * period
-        return _closed(self.vector, self.output, self.input, longest, controller, period, quantum)
+        sensors = {self.output: Sensor(quantum=quantum)}
+        if inner_quantum is not None:
+            assert self.inner is not None
+            sensors[self.inner] = Sensor(quantum=inner_quantum)
+        return _closed(self.vector, tuple(sensors.items()), self.input, longest, controller, period)
 
 
 @lru_cache(maxsize=32)
 def _closed(
-    vector: VectorModel, output: str, input_: str, longest: float | None, controller: Controller, period: float, quantum: float
+    vector: VectorModel, sensors: tuple[tuple[str, Sensor], ...], input_: str, longest: float | None, controller: Controller, period: float
 ) -> ClosedLoop:
     model = vector.model
     places = [input_, *(d.channel for d in model.delays)]
@@ -250,7 +306,9 @@ def _closed(
         model, derivative=derivative, output=outputs, inputs={**model.inputs, LOAD: unit}, parameters=(*model.parameters,
         Declared(REST, unit)), initial_state=None, text=None,
     )  # fmt: skip
+    names = tuple(name for name, _ in sensors)
     return closed_loop(
-        driven, Controller(controller.init, update), period=period, output=output, input=input_, sensor=Sensor(quantum=quantum),
+        driven, Controller(controller.init, update), period=period, output=names[0] if len(names) == 1 else names, input=input_,
+        sensor=sensors[0][1] if len(names) == 1 else dict(sensors),
         longest_delay=longest, substeps=SUBSTEPS,
     )  # fmt: skip

@@ -74,8 +74,8 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
         raise SimulationError(
             f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} 1/s doubles a "
             f"deviation every "
-            f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; use lqr or mpc "
-            "(docs/control.md)."
+            f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; a "
+            "regulator holds it: name its states in --hold ([control] hold)."
         )
 
 
@@ -91,12 +91,22 @@ def check_reached(plant: OneLoop, rest: Rest) -> None:
     left, strength, _ = np.linalg.svd(moved)
     if strength[n - 1] > 1e-9 * strength[0]:
         return
-    names = plant.vector.states
+    names = plant.followed
     state = names[int(np.argmax(np.abs(left[:, n - 1] / size[:, 0])))]
     raise SimulationError(
         f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that no controller brings it to "
         f"rest; drive it by another input, or make it a parameter of the model."
     )
+
+
+def check_inner(plant: OneLoop, inner: Rest) -> None:
+    """Of the best fit: the input moves the inner output; `inner` is the rest with the matrices to it."""
+    gain = _gain(inner, 0)
+    if not np.isfinite(gain) or gain == 0:
+        raise SimulationError(
+            f"{plant.input} does not move the inner output {plant.inner} at the set point (its gain is 0); choose another one "
+            "([control] inner, or --inner), or a controller of one output."
+        )
 
 
 def _reach(plant: OneLoop, wishes: Wishes) -> str:

@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.control.linear.cascade import Cascade
 from plantfit.control.pid import Gains
-from plantfit.control.tune.forms import isa_of
-from plantfit.control.tune.frequency import frequencies, sampled_response
-from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, Row, article
+from plantfit.control.scheduling.law import Schedule
+from plantfit.control.tune.forms.loop_poles import loop_poles
+from plantfit.control.tune.forms.pid_form import isa_of
+from plantfit.control.tune.frequency import frequencies, open_loop
+from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, Row, article, responses_of, specifications
 from plantfit.control.tune.reduction import slowest
 from plantfit.control.tune.rules import RULES
 from plantfit.findings.record import Level
-from plantfit.findings.results.tuned_controller import Loop, PidLoop, PredictiveLoop, ServoLoop
+from plantfit.findings.results.tuned_controller import CascadeLoop, Loop, PidLoop, PredictiveLoop, ScheduledLoop, ServoLoop, SmithLoop
 from plantfit.findings.verdict import Sentence
 
 FEW = 40  # plants drawn as lines
@@ -32,11 +35,11 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     def say(level: Level, sentence: str) -> None:
         told.append(Sentence(level=level, sentence=sentence))
 
-    beside = "" if alone is None else f"; tuned on the best fit alone: {_percent(alone.share)}"
+    beside = "" if alone is None else f"; tuned on the best fit alone: {percent(alone.share)}"
     say(
         "good" if design.promised else "bad",
-        f"Of {n} plants {how}, {_percent(best.share)} have an overshoot under {wishes.overshoot:g} % "
-        f"and an Ms under {wishes.ms:g}{beside}.",
+        f"Of {n} plants {how}, {percent(best.share)} have an overshoot under {wishes.overshoot:g} % "
+        f"and an Ms under {wishes.ms:g}{''.join(f', {more}' for more in wishes.also)}{beside}.",
     )
     unstable = int(np.sum(~design.judged.stable[0]))
     if unstable:
@@ -44,25 +47,26 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     if design.right_sign < 1:
         say(
             "bad",
-            f"{_percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one sign can hold.",
+            f"{percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one sign can hold.",
         )
     if design.held < 1:
         say(
             "warning",
-            f"On {_percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} do not "
+            f"On {percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} do not "
             f"hold the set point "
             "under the load: widen them, or choose a lower one.",
         )
     if not design.promised:
-        parts = [] if np.all(over) else [f"overshoot holds on {_percent(float(np.mean(over)))}"]
-        parts += [] if np.all(ms) else [f"Ms on {_percent(float(np.mean(ms)))}"]
+        parts = [] if np.all(over) else [f"overshoot holds on {percent(float(np.mean(over)))}"]
+        parts += [] if np.all(ms) else [f"Ms on {percent(float(np.mean(ms)))}"]
         near = design.judged.scores.left[0] <= wishes.settled
-        parts += (
-            [] if np.all(near) else [f"{_percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
-        )
+        parts += [] if np.all(near) else [f"{percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
+        for name, most in (("settling", wishes.settling), ("travel", wishes.travel)):
+            if np.isfinite(most):
+                parts.append(f"{name} holds on {percent(float(np.mean(getattr(design.judged.scores, name)[0] <= most)))}")
         why = f" ({', '.join(parts)})" if parts else ""
-        say("bad", f"{_percent(wishes.share)} were asked for{why}: measure this first, or ask for less.{_first(design, names, ~kept[0])}")
-    elif alone is not None and best.scores.iae > SLOWER * alone.scores.iae:
+        say("bad", f"{percent(wishes.share)} were asked for{why}: measure this first, or ask for less.{_first(design, names, ~kept[0])}")
+    elif alone is not None and design.alike and best.scores.iae > SLOWER * alone.scores.iae:
         say(
             "info",
             f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} times slower on the best fit "
@@ -75,7 +79,7 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     for _, beside in others:
         say("info", _compared(best, beside))
     rules = [r for r in design.rows if r.name in RULES and r.share >= wishes.share]
-    if rules and design.promised:
+    if rules and design.promised and not isinstance(best.parameters, Schedule):  # their shares are those of one level
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
         ratio = first.scores.iae / best.scores.iae
         larger = f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)" if np.isfinite(ratio) else ""
@@ -86,9 +90,9 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
 def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Level, str]:
     """How many plants keep the limits of the output."""
     wishes, inside = design.wishes, np.mean(design.judged.scores.outside <= design.wishes.tolerated, axis=1)
-    beside = "".join(f"; {r.form.name}: {_percent(float(inside[i]))}" for i, r in others)
+    beside = "".join(f"; {r.form.name}: {percent(float(inside[i]))}" for i, r in others)
     limits = f"{wishes.output_lower:.5g} to {wishes.output_upper:.5g}"
-    told = f"{_percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
+    told = f"{percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
     return "good" if inside[0] >= wishes.share else "bad", told
 
 
@@ -96,17 +100,18 @@ def _compared(best: Row, pid: Row) -> str:
     """The same search for a simpler form beside the one that was asked for."""
     pairs = ((pid.scores.iae, best.scores.iae), (pid.scores.load_iae, best.scores.load_iae))
     step, load = (other / own if own > 0 else np.inf for other, own in pairs)
-    form, kept = pid.form.name, _percent(pid.share)
+    form, kept = pid.form.name, percent(pid.share)
     told = (
         f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, with {step:.2f} times the IAE of the step "
         f"and {load:.2f} times that of the load"
     )
     if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
-        return f"{told}: {best.form.name} gains nothing here."
+        own = best.form.name if best.form.name.isupper() else f"the {best.form.name}"
+        return f"{told}: {own} gains nothing here."
     return f"{told}."
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share in (0.0, 1.0) or 0.005 <= share <= 0.995 else f"{100 * share:.1f} %"
 
 
@@ -121,8 +126,9 @@ def _first(design: LoopDesign, names: Mapping[str, np.ndarray], failed: np.ndarr
         return ""
     name = max(shares, key=lambda n: shares[n])
     if not shares[name] > CLEAR:
-        return " No single parameter is to blame; a longer recording with a livelier input serves (plantfit excite)."
-    return f" {_percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit excite), or state it."
+        return " No single parameter is to blame; a longer recording with a livelier input serves (plantfit design)."
+    aimed = "" if "[" in name else f" --for {name}"  # an entry of a table has no experiment of its own
+    return f" {percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit design{aimed}), or state it."
 
 
 def table(design: LoopDesign) -> list[Loop]:
@@ -132,19 +138,30 @@ def table(design: LoopDesign) -> list[Loop]:
 
 def _row(design: LoopDesign, i: int, row: Row) -> Loop:
     s, m, own = row.scores, row.margins, settings(row.parameters)
-    kind = PidLoop if "Kp" in own else PredictiveLoop if "X" in own else ServoLoop
+    if row.form.ahead:
+        own["ahead"] = row.form.ahead
+    plain = PidLoop if "Kp" in own else PredictiveLoop if "X" in own else ServoLoop
+    plain = ScheduledLoop if "levels" in own else plain
+    kind = SmithLoop if row.form.ahead else CascadeLoop if row.form.inner else plain
     return kind(
         name=row.name, source=row.source, form=row.form.name, **own,
         iae=s.iae, overshoot=s.overshoot, settling=s.settling, load_iae=s.load_iae, load_peak=s.load_peak,
-        travel=s.travel, outside=s.outside,
+        travel=s.travel, outside=s.outside, itae=s.itae,
         ms=float(m.ms), mt=float(m.mt), gain_margin=float(m.gain), phase_margin=float(m.phase), stable=bool(m.stable),
         input_noise=float(design.judged.input_noise[i, 0]), share=row.share, stable_share=float(np.mean(design.judged.stable[i])),
         worst=dict(row.worst),
+        meets={name: float(np.mean(design.judged.meets[i, :, k])) for name, k in specifications(design.wishes).items()},
     )  # fmt: skip
 
 
 def settings(parameters: Any) -> dict[str, Any]:
-    """The gains of a PID in both forms; the arrays of an LQ servo, and of its plan, as lists."""
+    """The gains of a PID in both forms; the arrays of a predictor, an LQ servo, and its plan, as lists."""
+    if isinstance(parameters, Schedule):
+        names = ("Kp", "Ki", "Kd", "b", "filter_time")
+        return {"levels": np.asarray(parameters.levels).tolist()} | {n: np.asarray(getattr(parameters.gains, n)).tolist() for n in names}
+    if isinstance(parameters, Cascade):
+        inner = settings(parameters.inner)
+        return settings(parameters.outer) | {"inner_Kp": inner["Kp"], "inner_Ki": inner["Ki"], "inner_Ti": inner["Ti"]}
     if not isinstance(parameters, Gains):
         found: dict[str, Any] = {}
         for name, value in parameters._asdict().items():
@@ -158,6 +175,15 @@ def settings(parameters: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def figure_units(output: str | None, input_: str | None) -> dict[str, str]:
+    """Units of the figures that a search makes small, empty for none."""
+    y, u = ("" if unit in (None, "1") else unit for unit in (output, input_))
+    load = f"{y}*s" if y else "s"
+    return {
+        "iae": "s", "itae": "s^2", "load_iae": load, "load_peak": y, "settling": "s", "overshoot": "%", "travel": u, "input_noise": "",
+    }  # fmt: skip
+
+
 def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
     """Step responses and sensitivities of the family: bands (5, 50, 95 %), some lines, the best fit, and the tuning on the best fit
     alone."""
@@ -165,21 +191,28 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
     slow = slowest(design.reduced)
     w = frequencies(wishes.period, slow, FINE)
     w = w[w >= 1e-2 / slow]
-    h = sampled_response(design.rest, wishes.period, w)
     some = np.unique(np.r_[0, np.linspace(0, design.family.count - 1, FEW).round().astype(int)])
     for name in (ROBUST, BEST_FIT):
         row = design.row(name)
         assert row is not None
         seen = design.judges[row.form.name].responses(row.parameters)
         at = np.unique(np.linspace(0, len(seen["t"]) - 1, POINTS).round().astype(int))
-        loop = row.form.response(row.parameters, w)[None, :] * h
+        loop = open_loop(row.form.response(row.parameters, w), responses_of(design.family, design.rest, row.form, wishes.period, w))
         s = np.abs(1.0 / (1.0 + loop))
         few = np.unique(np.linspace(0, len(w) - 1, POINTS // 2).round().astype(int))
         found[name] = {
             "t": seen["t"][at], "y": _bands(seen["y"][:, at]), "u": _bands(seen["u"][:, at]), "y_lines": seen["y"][some][:, at],
             "w": w[few], "sensitivity": _bands(s[:, few]), "nyquist": loop[some][:, few],
+            "gain": _bands(np.abs(loop[:, few])), "phase": _bands(_phase(loop)[:, few]),
+            "locus": loop_poles(design.family, design.rest, row.form, row.parameters, wishes.set_point, wishes.period),
         }  # fmt: skip
     return found
+
+
+def _phase(loop: np.ndarray) -> np.ndarray:
+    """Phases (n, F) in degrees without jumps, the first between -270 and 90."""
+    found = np.degrees(np.unwrap(np.angle(loop), axis=1))
+    return found - 360.0 * np.ceil((found[:, :1] - 90.0) / 360.0)
 
 
 def _bands(values: np.ndarray) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ from plantfit.findings.results.tuned_controller import LoopWishes
 
 SETTLED = 0.05  # of the step: a loop that is farther off at the end of it does not hold the set point
 TOLERATED = 0.01  # of the step
-CONTROLLERS = ("pid", "pi", "lqi", "mpc")
+CONTROLLERS = ("pid", "pi", "smith", "cascade", "scheduled", "lqi", "mpc")
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,16 @@ class Wishes(LoopWishes):
 
 
 def check_wishes(wishes: Wishes) -> None:
-    for name, low in (("period", 0.0), ("overshoot", 0.0), ("ms", 1.0), ("input_noise", 0.0)):
+    for name, low in (("period", 0.0), ("overshoot", 0.0), ("ms", 1.0), ("input_noise", 0.0), ("settling", 0.0), ("travel", 0.0)):
         value = getattr(wishes, name)
-        if not (math.isfinite(value) and value > low):
+        if not ((math.isfinite(value) or name in ("settling", "travel")) and value > low):
             raise SimulationError(f"{name} = {value:g} cannot be asked for; give a number above {low:g}.")
+    for name, low, high in (("gain_margin", 1.0, math.inf), ("phase_margin", 0.0, 180.0)):
+        if not low <= getattr(wishes, name) < high:
+            most = f"up to {high:g}" if math.isfinite(high) else "or more"
+            raise SimulationError(f"{name} = {getattr(wishes, name):g} cannot be asked for; give {low:g} {most}.")
+    if not wishes.minimise or not all(math.isfinite(v) and v >= 0 for v in wishes.minimise.values()) or not sum(wishes.minimise.values()):
+        raise SimulationError(f"minimise = {wishes.minimise} weighs nothing; give figures with weights above 0, as in {{iae = 1}}.")
     if not 0 < wishes.share < 1:
         raise SimulationError(f"share = {wishes.share:g} cannot be promised; give a share of the plants between 0 and 1, such as 0.95.")
     if not wishes.lower < wishes.upper:

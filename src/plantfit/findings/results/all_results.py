@@ -6,6 +6,7 @@ from plantfit.errors import SpecError
 from plantfit.findings.record import Printed
 from plantfit.findings.results.estimated import EstimatesByMethod
 from plantfit.findings.results.first_look import FirstLook
+from plantfit.findings.results.held_plant import HeldPlant
 from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
 from plantfit.findings.results.methods_compared import ComparisonOfMethods
 from plantfit.findings.results.models_compared import ComparisonOfModels
@@ -23,6 +24,7 @@ RESULTS: dict[str, type[Printed]] = {
     "intervals": ComparisonOfIntervals,
     "design": NextExperiment,
     "tune": TunedController,
+    "tune --hold": HeldPlant,
     "predict": Predicted,
     "estimate": EstimatesByMethod,
     "track": Tracked,

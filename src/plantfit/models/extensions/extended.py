@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from plantfit.errors import ModelError
-from plantfit.models.extensions.kinds import KINDS, parameter_name
+from plantfit.models.extensions.changes import WITH
+from plantfit.models.extensions.kinds import KINDS, Kind, parameter_name
 from plantfit.models.extensions.of_packages import loaded, packages_kinds
 from plantfit.models.model import Model
 from plantfit.models.remade import remade
@@ -16,8 +17,8 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
     """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of `KINDS`, then those of
     other packages.
 
-    Dry friction brings the parameter creep_SIGNAL, too, whose value the study must give. Raises ModelError for a kind, signal or bounds
-    that cannot be, for a dead time of an input that has one already, and for an addition of a package that cannot be made.
+    Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises ModelError for a kind, signal
+    or bounds that cannot be, for a dead time of an input that has one already, and for an addition of a package that cannot be made.
     """
     where, plugins = f"Model {model.name!r}: extensions", packages_kinds()
     for kind in given:
@@ -27,9 +28,9 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
     for kind in (k for k in (*KINDS, *plugins) if k in given):
         made = KINDS[kind] if kind in KINDS else loaded(plugins[kind])[1]
         for signal, bounds in given[kind].items():
-            known = getattr(model, made.to)
+            known = made.signals(model)
             if signal not in known:
-                raise ModelError(f"{where} give {kind} to {signal!r}, which is not one of its {made.to} {list(known)}.")
+                raise ModelError(f"{where} give {kind} to {signal!r}, {_unknown(model, made, signal, known)}")
             if kind == "dead_time" and any(d.input == signal for d in model.delays):
                 raise ModelError(f"{where} give {signal!r} a dead time, and it has one already; widen the bounds of that one.")
             pair = _pair(f"{where}: {kind} of {signal!r}", bounds)
@@ -43,6 +44,21 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
                     f"{where}: {kind!r} of the package {package} fails at {signal!r} ({what}); update or uninstall {package}."
                 ) from failure
     return model
+
+
+def _unknown(model: Model, made: Kind, signal: str, known: tuple[str, ...]) -> str:
+    if made.to != "changes":
+        return f"which is not one of its {made.to} {list(known)}."
+    subjects, drivers = ({k.split(WITH)[side]: None for k in known} for side in (0, 1))
+    example = known[0] if known else "K with u"
+    if signal.count(WITH) != 1:
+        return f"which is no pair; write a parameter or input and what it changes with, as in {example!r}."
+    (subject, driver), wrong = signal.split(WITH), ""
+    if subject not in subjects:
+        wrong = f"and {subject!r} is no parameter or input that can change.{suggest(subject, list(subjects))} There are {list(subjects)}."
+    elif driver not in drivers:
+        wrong = f"and {driver!r} is no input, state or t.{suggest(driver, list(drivers))} There are {list(drivers)}."
+    return wrong or "which cannot change with itself."
 
 
 def _pair(what: str, bounds: Any) -> tuple[float, float]:

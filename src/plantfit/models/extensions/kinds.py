@@ -3,24 +3,32 @@
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from plantfit.models.extensions import inputs, outputs, states
+from plantfit.models.extensions import changes, inputs, outputs, states
 from plantfit.models.model import Model
 
 
 class Kind(NamedTuple):
     """An addition: what it is made to (a field of `Model`), how, and its sentence with the signal as {}.
 
-    `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these bounds (low, high).
+    `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these bounds (low, high). Of
+    "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it, as in "creep" for creep_SIGNAL.
     """
 
-    to: Literal["inputs", "outputs", "states"]
+    to: Literal["inputs", "outputs", "states", "changes"]
     make: Callable[[Model, str, tuple[float, float], str], Model]
     sentence: str
+    beside: tuple[str, ...] = ()
+
+    def signals(self, model: Model) -> tuple[str, ...]:
+        """What it can be made to in a model."""
+        return changes.changes_of(model) if self.to == "changes" else tuple(getattr(model, self.to))
 
 
 KINDS: dict[str, Kind] = {
+    "change": Kind("changes", changes.change, "what a parameter or input is changes with a signal: {}", (changes.REFERENCE,)),
     "start": Kind("states", states.start, "{} begins above its initial value"),
-    "coulomb": Kind("states", states.coulomb, "dry friction slows {}"),
+    "coulomb": Kind("states", states.coulomb, "dry friction slows {}", ("creep",)),
+    "stribeck": Kind("states", states.stribeck, "friction that falls with speed slows {}", ("stribeck_speed", "creep")),
     "quadratic": Kind("states", states.quadratic, "a drag slows {}, with the square of it"),
     "dead_time": Kind("inputs", inputs.dead_time, "{} acts late"),
     "lag": Kind("inputs", inputs.lag, "{} acts through a lag of first order"),
@@ -37,5 +45,5 @@ KINDS: dict[str, Kind] = {
 
 
 def parameter_name(kind: str, signal: str) -> str:
-    """The parameter that an addition brings."""
-    return f"{kind}_{signal}"
+    """The parameter that an addition brings, and any beside it."""
+    return f"{kind}_{signal.replace(' ', '_')}"

@@ -1,4 +1,4 @@
-"""What may act on a state: dry friction, a drag that grows with the square, another initial value."""
+"""What may act on a state: dry friction, one that falls with speed, a drag that grows with the square, another initial value."""
 
 from typing import Any
 
@@ -15,12 +15,27 @@ def coulomb(model: Model, v: str, bounds: Bounds, name: str) -> Model:
     """v' less F tanh(v / v0): dry friction over inertia. v0, the speed from which on it is whole, is the parameter creep_NAME."""
     scale = f"creep_{v}"
     made = _braked(model, v, lambda x, p: p[name] * jnp.tanh(x[v] / p[scale]))
-    own = Declared(scale, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole")
-    return rewired(
-        made,
-        lambda x, c, p: (x, c),
-        parameters=(*declared(model, name, per(model.states[v], "/s"), bounds, f"dry friction of {v} over inertia"), own),
-    )
+    own = declared(model, name, per(model.states[v], "/s"), bounds, f"dry friction of {v} over inertia")
+    return rewired(made, lambda x, c, p: (x, c), parameters=(*own, *_creep(model, v)))
+
+
+def stribeck(model: Model, v: str, bounds: Bounds, name: str) -> Model:
+    """v' less S exp(-(v/vs)^2) tanh(v/v0): what dry friction is more at low speed, over inertia (Stribeck; `models/parts/friction.py`, 3).
+
+    vs is the parameter stribeck_speed_NAME, v0 is creep_NAME, which dry friction has as well.
+    """
+    scale, speed = f"creep_{v}", f"stribeck_speed_{v}"
+    made = _braked(model, v, lambda x, p: p[name] * jnp.exp(-((x[v] / p[speed]) ** 2)) * jnp.tanh(x[v] / p[scale]))
+    own = declared(model, name, per(model.states[v], "/s"), bounds, f"friction of {v} at low speed beyond that at speed, over inertia")
+    falls = Declared(speed, model.states[v], None, "log", sentence=f"size of {v} over which friction falls")
+    return rewired(made, lambda x, c, p: (x, c), parameters=(*own, falls, *_creep(model, v)))
+
+
+def _creep(model: Model, v: str) -> tuple[Declared, ...]:
+    """The speed from which on dry friction is whole, where the model does not have it yet."""
+    name = f"creep_{v}"
+    had = any(p.name == name for p in model.parameters)
+    return () if had else (Declared(name, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole"),)
 
 
 def quadratic(model: Model, v: str, bounds: Bounds, name: str) -> Model:

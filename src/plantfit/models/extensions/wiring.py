@@ -7,17 +7,19 @@ from typing import Any
 from plantfit.models.model import Declared, Model, Named
 
 Reads = Callable[[Named, Named, Named], tuple[Named, Named]]
+Values = Callable[[Named, Named, Named], Named]
 
 
-def rewired(model: Model, reads: Reads, **changes: Any) -> Model:
-    """The model whose functions see what `reads(x, u, p)` makes of states and channels; `changes` are other fields of it."""
+def rewired(model: Model, reads: Reads, *, values: Values | None = None, **changes: Any) -> Model:
+    """The model whose functions see what `reads(x, u, p)` makes of states and channels, and `values(x, u, p)` of parameters; `changes` are
+    other fields of it."""
 
     def seen(function: Any) -> Any:
         if function is None:
             return None
 
         def call(x: Named, u: Named, p: Named) -> Any:
-            return function(*reads(x, u, p), p)
+            return function(*reads(x, u, p), p if values is None else values(x, u, p))
 
         return call
 

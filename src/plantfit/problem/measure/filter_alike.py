@@ -35,6 +35,11 @@ def filter_alike(
     return _of_columns(model), made
 
 
+def of_columns(model: LinearModel) -> bool:
+    """Whether the signals of a regression are its columns, as `filter_alike` makes them."""
+    return list(model.signals) == _names(model)
+
+
 def _filtered(model: LinearModel, recording: Recording, cutoff: float, order: int, every: int, drop: float) -> Recording:
     step = f"filter_alike({recording.name!r})"
     recording = in_units(recording, {**model.signals, **model.outputs})
@@ -68,9 +73,13 @@ def _of_columns(model: LinearModel) -> LinearModel:
         outputs=model.outputs,
         parameters=model.parameters,
         regressor=regressor,
-        signals={f"{o}: {n}": None for o in model.outputs for n in model.coefficients},
+        signals=dict.fromkeys(_names(model)),
         coefficients={} if model.base is None else model.coefficients,
         base=model.base,
         sentence=model.sentence,
         source=model.source,
     )
+
+
+def _names(model: LinearModel) -> list[str]:
+    return [f"{o}: {n}" for o in model.outputs for n in model.coefficients]

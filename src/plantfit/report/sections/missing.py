@@ -16,7 +16,7 @@ MOST_LOOKS = 12  # pictures
 
 
 def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
-    """What the template shows of a diagnosis; None where none was made."""
+    """What the template shows of a diagnosis; None where none was made, or the verdict on top of the page says all of it."""
     found = record.diagnosis
     if found is None:
         return None
@@ -28,8 +28,11 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
         label = f"Residuals over time with the model as it is and with {listed(found.with_)}."
         change = drawings.add(figures.residual_change_figure(found.residuals[:MOST_PANELS], POINTS), label)
     told = {v.sentence for v in record.verdict}  # stands on top of the page already
+    more = [v for v in found.verdict if v.sentence not in told]
+    if not (rounds or found.residuals or found.write or more):
+        return None
     return {
-        "sentences": [_said(v.level, v.sentence) for v in found.verdict if v.sentence not in told],
+        "sentences": [_said(v.level, v.sentence) for v in more],
         "bars": bars,
         "change": change,
         "with_it": listed(found.with_) if found.with_ else "",

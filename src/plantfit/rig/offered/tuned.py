@@ -12,9 +12,11 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.linear.predictive.quadratic import Prepared
 from plantfit.control.linear.predictive.servo_mpc import Plan, Predictive, servo_mpc
 from plantfit.control.linear.servo import Servo, servo
+from plantfit.control.linear.smith import Smith, smith
 from plantfit.control.pid import Gains, Settings
+from plantfit.control.scheduling.law import Schedule, scheduled_pid
 from plantfit.control.tune.loop_design import course_seconds
-from plantfit.control.tune.loop_scores import from_rest, limited_pid
+from plantfit.control.tune.loop_scores import Limits, from_rest, limited_pid
 from plantfit.control.tune.reduction import Reduced
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.controller import Controller
@@ -24,8 +26,11 @@ import jax
 
 @dataclass(frozen=True)
 class Tuned:
-    """A controller by its `form`, `parameters` (`Gains`, `Servo` or `Predictive`) and `settings`, its `output` and `input` with their units
-    (None: not known), and the step it was tuned for, to `set_point` by `step`, in the unit of the output, in `seconds`."""
+    """A controller by its `form`, `parameters` (`Gains`, `Smith`, `Schedule`, `Servo` or `Predictive`) and `settings`.
+
+    Its `output` and `input` with their units (None: not known), and the step it was tuned for, to `set_point` by `step`, in the unit of the
+    output, in `seconds`.
+    """
 
     form: str
     parameters: Any
@@ -39,6 +44,7 @@ class Tuned:
     name: str
     seconds: float | None = None
     plan: tuple[int, bool] | None = None  # inputs that an MPC plans, and whether their rate has a limit
+    ahead: int = 0  # samples of a Smith predictor
 
     @property
     def law(self) -> Controller:
@@ -46,18 +52,27 @@ class Tuned:
         s = self.settings
         if isinstance(self.parameters, Gains):
             return limited_pid(s.period, s.lower, s.upper, s.anti_windup, s.tracking_time)
+        if isinstance(self.parameters, Schedule):
+            return scheduled_pid(s.period, s.anti_windup)
+        if isinstance(self.parameters, Smith):
+            return smith(s.period, self.ahead, s.anti_windup)
         return from_rest(servo(s.period, lower=s.lower, upper=s.upper) if self.plan is None else servo_mpc(*self.plan))
 
     @property
-    def given(self) -> tuple[Any, float]:
-        """Parameters of `law`: its own, the input at rest."""
-        return self.parameters, 0.0
+    def given(self) -> tuple[Any, ...]:
+        """Parameters of `law`: its own, the input at rest, and the limits of a Smith predictor or a scheduled PID."""
+        s = self.settings
+        return (self.parameters, 0.0, *((Limits(s.lower, s.upper, s.follow),) if isinstance(self.parameters, Smith | Schedule) else ()))
 
     @property
     def told(self) -> str:
         """What it is, in words."""
         if isinstance(g := self.parameters, Gains):
             return f"Kp {g.Kp:.5g}, Ki {g.Ki:.5g} /s, Kd {g.Kd:.5g} s"
+        if isinstance(p := self.parameters, Smith):
+            return f"Kp {p.gains.Kp:.5g}, Ki {p.gains.Ki:.5g} /s, {self.ahead * self.settings.period:.4g} s ahead"
+        if isinstance(p, Schedule):
+            return f"gains of {len(p.levels)} levels, Kp {float(p.gains.Kp[0]):.5g} to {float(p.gains.Kp[-1]):.5g}"
         servo = self.parameters if self.plan is None else self.parameters.servo
         states = f"{len(servo.C) - 1} states and the load estimated"
         return states if self.plan is None else f"{states}, {self.plan[0]} inputs planned"
@@ -105,10 +120,18 @@ def read_tuned(path: str | Path) -> Tuned:
 
 def _tuned(record: dict[str, Any], name: str) -> Tuned:
     best, w = record["controllers"][0], record["wishes"]
-    settings = Settings(float(w["period"]), float(w["lower"]), float(w["upper"]), w["anti_windup"], w.get("tracking_time"))
+    settings = Settings(float(w["period"]), float(w["lower"]), float(w["upper"]), w["anti_windup"], record.get("tracking_time"))
     out, into, plan = record["output"], record["input"], None
-    if "Kp" in best:
+    if "inner_Kp" in best:
+        raise SimulationError(f"{name} is a cascade, which measures two signals; rigs and boards here give one. Use its C file.")
+    if "levels" in best:
+        names = ("Kp", "Ki", "Kd", "b", "filter_time")
+        gains = Gains(**{n: _array(best[n]) for n in names}, c=np.zeros(len(best["levels"])))
+        form, parameters = "scheduled PID", Schedule(_array(best["levels"]), gains)
+    elif "Kp" in best:
         form, parameters = "PID", Gains(**{n: float(best[n]) for n in ("Kp", "Ki", "Kd", "b", "filter_time")}, c=0.0)
+        if "ahead" in best:
+            form, parameters = "Smith predictor", Smith(parameters, *(_array(best[n]) for n in Smith._fields[1:]))
     else:
         if "set_point_share" not in best:
             raise SimulationError(
@@ -124,7 +147,7 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
             parameters = Predictive(parameters, Plan(x, q, g, free, task, low, high, np.asarray(rate)))
     return Tuned(
         form, parameters, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]), float(w["step"]), name,
-        _seconds(record), plan,
+        _seconds(record), plan, int(best.get("ahead", 0)),
     )  # fmt: skip
 
 

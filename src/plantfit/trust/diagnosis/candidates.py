@@ -13,6 +13,7 @@ import numpy as np
 
 from plantfit import units
 from plantfit.errors import ModelError
+from plantfit.models.extensions.changes import inverse
 from plantfit.models.extensions.kinds import Kind
 from plantfit.models.extensions.of_packages import loaded, packages_kinds
 from plantfit.trust.diagnosis import effects, ranges
@@ -53,7 +54,8 @@ class Inside(Candidate):
     """It is a parameter of the compiled model, small effects of which are a straight line.
 
     `unit` is made of that of the state. `low` bounds it. `size(spread, rate)` of the state is one that would be seen at once. It is tried
-    on speeds only (`of_speeds`), and may differ between recordings (`per_recording`).
+    on speeds only (`of_speeds`), and may differ between recordings (`per_recording`). `speed` is the prefix of a speed that is fitted
+    beside it, from these `shares` of the spread of the state.
     """
 
     place: ClassVar = "inside"
@@ -64,6 +66,14 @@ class Inside(Candidate):
     size: Callable[[float, float], float]
     of_speeds: bool = False
     per_recording: bool = False
+    speed: str = ""
+    shares: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changing(Inside):
+    """A parameter or input of the model that changes with an input, a state or time: of the pairs "K with u" that a model has, those whose
+    effect looks best by its derivative are fitted. `unit` is made of that of the signal it changes with, `size` of its spread."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +113,11 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         article="", name="dry friction of {}", phrase="dry friction of {} on {}", low=0.0, bounds=ranges.up_to_the_range, of_speeds=True,
         unit=lambda unit: None if unit is None else joined(unit, "/s"), size=lambda spread, rate: rate,
     ),
+    "stribeck": Inside(
+        article="", name="friction of {} that falls with speed", phrase="friction of {} on {} that falls with speed", low=0.0,
+        bounds=ranges.up_to_the_range, of_speeds=True, unit=lambda unit: None if unit is None else joined(unit, "/s"),
+        size=lambda spread, rate: rate, speed="stribeck_speed", shares=(0.03, 0.12),
+    ),
     "quadratic": Inside(
         article="", name="drag of {} by its square", phrase="a drag by the square of {} on {}", low=0.0, bounds=ranges.up_to_the_range,
         of_speeds=True, unit=lambda unit: None if unit is None else f"1/s/({unit or '1'})",
@@ -132,15 +147,20 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         name="lower end of the sensor of {}", phrase="a lower end at {} of the sensor of {}", tried=ranges.lower_end,
         bounds=ranges.around_the_range, level=True, law=effects.sensor_low,
     ),
+    "change": Changing(
+        name="change of {}", phrase="a relative change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs, unit=inverse,
+        size=lambda spread, rate: 1.0 / spread,
+    ),
 }  # fmt: skip
 """In the order in which additions that explain alike are named."""
 
 
-Place = TypeVar("Place", Before, Inside, Behind)
+Place = TypeVar("Place", Before, Inside, Changing, Behind)
 
 
 def candidates(place: type[Place]) -> dict[str, Place]:
-    """The rows of one place, Before, Inside or Behind: those of plantfit, then those of packages that can be used."""
+    """The rows of one place, Before, Inside, Changing (which are Inside, too) or Behind: those of plantfit, then those of packages that
+    can be used."""
     return {kind: c for kind, c in {**CANDIDATES, **of_packages()[0]}.items() if isinstance(c, place)}
 
 
@@ -170,14 +190,14 @@ def of_packages() -> tuple[dict[str, Before | Inside | Behind], tuple[str, ...]]
     return found, tuple(told)
 
 
-PLACES = {Before: "inputs", Inside: "states", Behind: "outputs"}
+PLACES = {Before: "inputs", Inside: "states", Changing: "changes", Behind: "outputs"}
 _FUNCTIONS = ("bounds", "tried", "law", "unit", "size")
 
 
 def _wrong(candidate: Any, extension: Kind) -> str:
     """Why a candidate of a package cannot be tried; "" where it can."""
     if type(candidate) not in PLACES:
-        return f"it is a {type(candidate).__name__}, not a Before, Inside or Behind"
+        return f"it is a {type(candidate).__name__}, not a Before, Inside, Changing or Behind"
     if extension.to != PLACES[type(candidate)]:
         return f"it is tried on {PLACES[type(candidate)]}, and its extension is to {extension.to}"
     try:

@@ -2,16 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from plantfit import units
-from plantfit.models.extensions import parameter_name
+from plantfit.models.extensions import KINDS, parameter_name
+from plantfit.models.extensions.changes import WITH, changes_of, drivers_of
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
-from plantfit.trust.diagnosis.candidates import Before, Behind, Candidate, Inside, candidate_of, candidates
+from plantfit.trust.diagnosis.candidates import Before, Behind, Candidate, Changing, Inside, candidate_of, candidates
 from plantfit.trust.diagnosis.plant.carrier import Rows
 from plantfit.trust.diagnosis.ranges import Seen, Tried
+
+MOST_PAIRS = 40  # of what may change with what
 
 
 @dataclass(frozen=True)
@@ -19,7 +23,7 @@ class Extension:
     """An addition `kind` to a signal: its parameter between bounds (low, high), in `unit`, tried at `starts`; none for linear effects.
 
     `name` is "dead time of u", `article` goes before it. `place` is "before" (it changes the recorded input), "inside" (it is a parameter
-    of the compiled model) or "behind" (it changes the simulated output).
+    of the compiled model) or "behind" (it changes the simulated output). `starts` of a speed beside it are shares of the state's spread.
     """
 
     kind: str
@@ -51,15 +55,27 @@ class Extension:
 
 
 def inside_kinds(problem: Problem) -> dict[str, tuple[str, ...]]:
-    """Effects inside the plant that a model can have: kind -> states."""
+    """Effects inside the plant that a model can have: kind -> states, or pairs as "K with u"."""
     model = problem.model
     assert isinstance(model, Model)
     still = {b.state for b in model.backlashes}
     moving = tuple(s for s in model.states if s not in still)
     fast = tuple(s for s in moving if _velocity(model.states[s]) and s not in {f.velocity for f in model.frictions})
     had = {p.name for p in model.parameters}
-    kinds = {kind: fast if c.of_speeds else moving for kind, c in candidates(Inside).items()}
+    pairs = tuple(islice(_pairs(problem, model, moving), MOST_PAIRS))
+    kinds = {k: pairs if isinstance(c, Changing) else fast if c.of_speeds else moving for k, c in candidates(Inside).items()}
     return {kind: tuple(s for s in states if parameter_name(kind, s) not in had) for kind, states in kinds.items()}
+
+
+def _pairs(problem: Problem, model: Model, moving: tuple[str, ...]) -> Iterator[str]:
+    """What may change with what, as "K with u": fitted parameters with every input that moves, time and every state, and inputs with each
+    other; those with states last, for there are many."""
+    known = changes_of(model)
+    ways = [u for u in model.inputs if any(np.ptp(e.recording[u]) > 0 for e in problem.experiments.values())]
+    brought = {parameter_name(part, s) for kind, own in KINDS.items() for part in (kind, *own.beside) for s in own.signals(model)}
+    free = dict.fromkeys(c.parameter for c in problem.space.coordinates if c.parameter not in brought)
+    for subjects, drivers in ((free, [*ways, "t"]), (ways, ways), (free, moving)):
+        yield from (pair for s in subjects for d in drivers if (pair := f"{s}{WITH}{d}") in known)
 
 
 def _velocity(unit: str | None) -> bool:
@@ -75,6 +91,7 @@ def catalogue(problem: Problem, rows: Rows) -> list[Extension]:
     assert isinstance(model, Model)
     had = {p.name for p in model.parameters}
     every = [*_of_inputs(problem, model), *_of_states(problem, model), *_of_outputs(problem, model, rows)]
+    every.sort(key=lambda e: isinstance(e.candidate, Changing))  # many, and each stands for much: last among equals
     return [e for e in every if e.parameter not in had]
 
 
@@ -91,7 +108,8 @@ def _of_states(problem: Problem, model: Model) -> Iterator[Extension]:
     for kind, states in inside_kinds(problem).items():
         candidate = candidates(Inside)[kind]
         for s in states:
-            yield from _made(kind, candidate, s, Tried(candidate.unit(model.states[s]), candidate.low, np.inf))
+            unit = drivers_of(model)[s.split(WITH)[1]] if isinstance(candidate, Changing) else model.states[s]
+            yield from _made(kind, candidate, s, Tried(candidate.unit(unit), candidate.low, np.inf, candidate.shares))
 
 
 def _of_outputs(problem: Problem, model: Model, rows: Rows) -> Iterator[Extension]:

@@ -6,21 +6,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.problem import Problem
+from plantfit.models.extensions import KINDS
 from plantfit.trust.diagnosis.catalogue import Extension, inside_kinds
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, times_noise, unseen, validated
-from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.outliers import Outliers, outliers_of, outlying
 from plantfit.trust.diagnosis.plant.carrier import Carrier
-from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, fitted, without
-from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, refitted, tried
+from plantfit.trust.diagnosis.plant.disturbance import Disturbed
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
+from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, promising, refitted, tried
 
 RIVALS = 3  # of an earlier finding that are tried in its place
 WORTH = 0.1  # of the mean square that one addition must explain to be tried in the place of another
 SHARP = 16  # times less is the speed from which on dry friction is whole, where it is found and that fits better
-CLEAR = 1.2  # times the sample-to-sample noise: with more left something is missing
+CLEAR = 1.1  # times the sample-to-sample noise: with more left something is missing
 NEAR = 3.0  # times that two at once may leave,
 LITTLE = 0.15  # or so much of what is left without them: friction that sticks is followed less well than it is measured
+CHANGES = 2  # that two at once may have first, or second beside each of the first
 PARTNERS = 3  # beside each of the first that are fitted in full
 HELD = 0.5  # of what two at once explain that they must explain of unseen data
 
@@ -31,7 +32,8 @@ class Diagnosis:
     were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
     `dropped` were found first, and explain nothing beside what was found later; `exchanged` are pairs of what was found first and what fits
     better in its place then. `evaluations` of the cost were spent. It is `whole` where
-    the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found."""
+    the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found. `disturbed` is
+    the fit beside a disturbance that wanders, where what the model or what was found leaves is one."""
 
     carrier: Carrier
     base: Fitted
@@ -44,6 +46,7 @@ class Diagnosis:
     dropped: tuple[Extension, ...] = ()
     exchanged: tuple[tuple[Extension, Extension], ...] = ()
     surpassed: bool = False
+    disturbed: Disturbed | None = None
 
     @property
     def end(self) -> Fitted:
@@ -61,7 +64,10 @@ class Diagnosis:
         assert end is not None
         space = self.carrier.given.space
         values = dict(zip(space.names, np.asarray(space.physical(end.x[: self.carrier.own])).tolist(), strict=True))
-        return values | {a.parameter: end.value(a, self.carrier) for a in end.additions}
+        for a in end.additions:
+            values[a.parameter] = end.value(a, self.carrier)
+            values |= {f"{a.candidate.speed}_{a.signal}": float(end.x[i]) for i in speed_places(self.carrier, a)}  # type: ignore[union-attr]
+        return values
 
 
 @dataclass
@@ -69,8 +75,6 @@ class Course:
     """What is known so far: the fit without additions (`bare`), the one with all that was found (`base`), the rounds `made`, and which
     rows are used: `apart` (m,) bool are outliers."""
 
-    problem: Problem
-    z: np.ndarray
     carrier: Carrier
     bare: Fitted
     base: Fitted
@@ -83,16 +87,15 @@ class Course:
     whole: bool = True
 
     @classmethod
-    def begun(cls, problem: Problem, z: np.ndarray, meter: Meter, say: Callable[[str], None]) -> "Course":
-        """At the answer z (d,): the model as it is, fitted without outliers."""
-        carrier = Carrier.of(problem, z, inside_kinds(problem), meter)
+    def begun(cls, carrier: Carrier, say: Callable[[str], None]) -> "Course":
+        """At the answer of a carrier: the model as it is, fitted without outliers."""
         rows = carrier.rows
         base = fitted(carrier, (), carrier.x, np.zeros(0), rows.fit)
         apart = outlying(base.residuals, rows)
         outliers = outliers_of(base, apart, carrier)
         if apart.any():
             base = fitted(carrier, (), base.x, np.zeros(0), rows.fit & ~apart)
-        return cls(problem, z, carrier, base, base, apart, outliers, say)
+        return cls(carrier, base, base, apart, outliers, say)
 
     @property
     def kept(self) -> np.ndarray:
@@ -146,16 +149,16 @@ class Course:
         first = self.made[0]
         if not first.trials or times_noise(carrier, self.base, self.apart) <= CLEAR:
             return False
-        ones = [t for t in first.trials if t.at is not None][:FINALISTS]
+        ones = [t for t in first.trials if t.at is not None]
+        changes = [t for t in ones if changing([t.extension])]  # many stand for much: they must not take the places of others
+        ones = [*[t for t in ones if t not in changes][:FINALISTS], *changes[:CHANGES]]
         ones.sort(key=lambda t: -t.explained)
         best: tuple[Trial, Fitted] | None = None
         for k, t in enumerate(ones):
             assert t.at is not None
             done = [o.extension for o in ones[: k + 1]]
             beside = []
-            for e in extensions:
-                if e in done:
-                    continue
+            for e in promising(carrier, t.at, [e for e in extensions if e not in done], use, CHANGES)[0]:
                 if not meter.holds(0.0, FITTING):
                     self.whole = False
                     break
@@ -200,11 +203,16 @@ class Course:
     def _sharper(self, one: Fitted) -> tuple[Carrier, Fitted] | None:
         """The carrier with sharper dry friction and a fit on it, where the fit has dry friction and that explains more."""
         carrier = self.carrier
-        dry = any(a.kind == "coulomb" for a in one.additions)
-        if not dry or carrier.sharp > 1 or not carrier.meter.holds(SHARP * carrier.charge * QUICK):
+        dry = any(a.kind in KINDS and "creep" in KINDS[a.kind].beside for a in one.additions)
+        if (
+            not dry
+            or not carrier.given.predictor.has_steps
+            or carrier.sharp > 1
+            or not carrier.meter.holds(SHARP * carrier.charge(changing(one.additions)) * QUICK)
+        ):
             return None
         self.say("fitting with sharper friction")
-        sharp = Carrier.of(self.problem, self.z, inside_kinds(self.problem), carrier.meter, SHARP)
+        sharp = Carrier.of(carrier.given, carrier.z, inside_kinds(carrier.given), carrier.meter, SHARP)
         at = fitted(sharp, one.additions, one.x, one.theta, self.use)
         return (sharp, at) if at.cost(self.use) <= (1.0 - LEAST) * one.cost(self.use) else None
 
@@ -234,7 +242,10 @@ class Course:
 
 
 def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Round]:
-    """The rounds, the value of everything that was found being that of the fit with all of it."""
+    """The rounds, the value of everything that was found being that of the fit with all of it; what a later one found does not stand for
+    what an earlier one did."""
+    firsts = [r.found[0].extension for r in made if r.found]
+    made = [replace(r, found=(r.found[0], *(t for t in r.found[1:] if t.extension not in firsts))) if len(r.found) > 1 else r for r in made]
     found = [r for r in made if r.found]
     end = found[-1].found[0].at if found else None
     if end is None or len(found) < 2:
@@ -292,11 +303,9 @@ def _in_place_of(carrier: Carrier, base: Fitted, old: Extension, t: Trial, use: 
     """The fit with the addition of a trial in place of another one, from where both ended."""
     assert t.at is not None
     place, x, theta = base.additions.index(old), base.x.copy(), base.theta.copy()
-    if old.place == "inside":
-        x[carrier_places(carrier, old)] = 0.0
-    if t.extension.place == "inside":
-        own = carrier_places(carrier, t.extension)
-        x[own] = t.at.x[own]
+    x[carrier_places(carrier, old)] = 0.0
+    own = [*carrier_places(carrier, t.extension), *speed_places(carrier, t.extension)]
+    x[own] = t.at.x[own]
     theta[place] = t.at.theta[t.at.additions.index(t.extension)]
     return fitted(carrier, (*base.additions[:place], t.extension, *base.additions[place + 1 :]), x, theta, use)
 

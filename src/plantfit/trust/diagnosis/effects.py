@@ -1,7 +1,7 @@
 """What additions do to a recorded input, or to a simulated output with its derivatives: plain arrays over the samples of a recording."""
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg import lapack
 
 Shown = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # an output (n,), its derivatives (n, d), that by the value of the addition (n,)
 
@@ -36,13 +36,15 @@ def behind(t: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
     slope = np.diff(y, axis=0) / h
     # the answer to a straight line: y - slope tau behind it, and what the beginning left dies out
     goal_begin, goal_end = y[:-1] - slope * tau, y[1:] - slope * tau
-    return np.stack([_recursion(decay[:, 0], goal_end[:, k] - decay[:, 0] * goal_begin[:, k], y[0, k]) for k in range(y.shape[1])], axis=1)
+    return _recursion(decay[:, 0], goal_end - decay * goal_begin, y[0])
 
 
-def _recursion(decay: np.ndarray, gain: np.ndarray, first: float) -> np.ndarray:
-    """x[k + 1] = decay[k] x[k] + gain[k], decay in [0, 1]: forward substitution in a matrix of two bands."""
+def _recursion(decay: np.ndarray, gain: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """x[k + 1] = decay[k] x[k] + gain[k] in columns, decay in [0, 1]: forward substitution in a matrix of two bands."""
     bands = np.stack([np.ones(len(decay) + 1), np.r_[-decay, 0.0]])
-    return solve_banded((1, 0), bands, np.r_[first, gain])
+    goal = np.concatenate([np.atleast_1d(first)[None], gain.reshape(len(gain), -1)])
+    # by LAPACK's routine itself, that a plant that explodes has the outputs before that
+    return lapack.dtbtrs(bands, goal, uplo="L", diag="U")[0].reshape(-1, *gain.shape[1:])
 
 
 def dead_zone(u: np.ndarray, d: float) -> np.ndarray:
@@ -54,7 +56,10 @@ def played(u: np.ndarray, gap: float) -> np.ndarray:
     """u through play of `gap` to each side, beginning at u."""
     z, last = np.empty_like(u), float(u[0])
     for k, v in enumerate(u.tolist()):
-        last = min(max(last, v - gap), v + gap)
+        if last < v - gap:
+            last = v - gap
+        elif last > v + gap:
+            last = v + gap
         z[k] = last
     return z
 

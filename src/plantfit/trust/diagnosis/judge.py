@@ -68,7 +68,7 @@ def by_output(carrier: Carrier, one: Fitted, apart: np.ndarray) -> dict[str, flo
             at = rows.part(name, output)
             at = at[rows.fit[at]]
             if len(at) > FEWEST:
-                r = np.where(apart[at], np.nan, one.residuals[at])
+                r = np.where(apart[at], np.nan, one.residuals[at])[:: carrier.thin]
                 noise.append(white_part(r))
                 size.append(float(np.sqrt(np.nanmean(r**2))))
         found[output] = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0

@@ -10,11 +10,13 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.findings.diagnosis import Diagnosis as Section
 from plantfit.findings.diagnosis import ResidualChange
+from plantfit.models.library.regression import LinearModel
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
+from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
@@ -43,19 +45,26 @@ def with_diagnosis(
     progress: Callable[[str], None] | None = None,
     stop: Callable[[], bool] | None = None,
     linear: Linear | None = None,
+    regression: Regression | None = None,
 ) -> Findings:
     """The findings of an answer with section "diagnosis" and the verdict that goes with it.
 
-    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The work is about
+    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated; of a regression, which is
+    treated with `whole` only, they say how. The work is about
     twice the evaluations that `runs` spent, or those that simulate two million samples if that is more, and none for problems of over
     60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings say. `stop` ends it, and the findings then say
-    so. `linear` as in `diagnosis_record`. Raises ModelError only with `whole`, for a model that is not simulated over time.
+    so. `linear` as in `diagnosis_record`, `regression` as in `diagnose`. Raises ModelError only with `whole`, for a model that is neither
+    simulated over time nor a regression.
     """
-    if not whole and not (asked_for(findings) and treatable(problem)):
+    linear_model = isinstance(problem.model, LinearModel)
+    if not whole and not (asked_for(findings) and (linear_model or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
+    if linear_model and not whole:  # its signals may have to be read again
+        text = f"What may be missing in this regression was not tried; {command} does it."
+        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     if not whole and (problem.space.dimension > MOST or count > LONGEST):
         size = f"{problem.space.dimension} parameters on {count} samples"
         text = f"What may be missing was not tried, as {size} take long; {command} does it."
@@ -63,7 +72,7 @@ def with_diagnosis(
     allowed = max(TIMES * sum(float(r.evaluations) for r in runs), FLOOR_SAMPLES / max(count, 1))
     meter = Meter(float("inf") if whole else allowed, stop)
     try:
-        found = diagnose(problem, best.x, progress, meter=meter)
+        found = diagnose(problem, best.x, progress, meter=meter, regression=regression)
     except Stopped:
         text = f"The search for what may be missing was stopped; {command} does it."
         return _said(findings, best, {"state": "stopped", "verdict": [say("info", text)]})

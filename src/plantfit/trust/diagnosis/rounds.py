@@ -7,14 +7,29 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.sobol import Sobol
+from plantfit.trust.diagnosis.candidates import Changing
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, unseen
+from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, times_noise, unseen
 from plantfit.trust.diagnosis.plant.carrier import Carrier
-from plantfit.trust.diagnosis.plant.hypothesis import Fitted, fitted, without
+from plantfit.trust.diagnosis.plant.hypothesis import (
+    SINGULAR,
+    Fitted,
+    carrier_places,
+    changing,
+    columns,
+    evaluate,
+    fitted,
+    lengths,
+    speed_places,
+    without,
+)
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
+CHANGES = 6  # of what may change with what that are tried
+MOST, NEAR = 0.5, 3.0  # of the mean square that these must explain, or times the sample-to-sample noise that they may leave
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
+SAME = 0.5  # cosine of what two additions take from the residual, below which they explain different parts of it
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 SURE = 2.0  # standard errors that a value is off zero
 TRYING, FITTING = 0.65, 0.85  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
@@ -59,8 +74,9 @@ def one_round(
     """Additions tried beside those of `base`: the best are fitted in full, and judged on unseen data."""
     left, meter = [e for e in extensions if e not in base.additions], carrier.meter
     quick, untried, begun, whole = [], [], meter.spent, True
-    for e in sorted(left, key=_price):
-        if not meter.holds(_price(e) * carrier.charge, TRYING, begun):
+    chosen, others = promising(carrier, base, left, use)
+    for e in sorted(chosen, key=_price):
+        if not meter.holds(_price(e) * carrier.charge(changing((*base.additions, e))), TRYING, begun):
             untried.append(e)
             continue
         say(f"trying {e.name}")
@@ -108,18 +124,55 @@ def one_round(
             else:
                 whole = False
         rows.append(trial)
-    found = _found(carrier, rows, extensions, use)
+    for e, share in others.items():
+        rmse = root(before / n), root(before * (1.0 - share) / n)
+        rows.append(Trial(e, share, 0.0, rmse))
+    rows.sort(key=lambda t: -t.explained)
+    found = _found(carrier, base, rows, extensions, use, kept)
     return Round(base.additions, tuple(rows), found, limit, tuple(untried), whole and not untried, base)
 
 
 def tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
     """The best short fit with an addition from its starts."""
-    additions, best = (*base.additions, e), None
-    for start in (0.0,) if e.linear else e.starts:
-        one = fitted(carrier, additions, base.x, np.r_[base.theta, start], use, QUICK)
+    additions, best, speed = (*base.additions, e), None, speed_places(carrier, e)
+    for start in e.starts or (0.0,):
+        x = base.x.copy()
+        if speed:
+            x[speed], start = start * carrier.speeds[e.kind, e.signal][1], 0.0
+        one = fitted(carrier, additions, x, np.r_[base.theta, start], use, QUICK)
         if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
             best = one
     return best
+
+
+def promising(
+    carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, most: int = CHANGES
+) -> tuple[list[Extension], dict[Extension, float]]:
+    """The additions that are worth a first try, and the others with the share of the mean square that they explain by their derivatives.
+
+    Of changes with a signal there are many: at `most` the best few are tried. The shares are those of a straight line once the derivatives
+    by all that is fitted are projected out of effect and residual.
+    """
+    many = [e for e in extensions if isinstance(e.candidate, Changing)]
+    if len(many) <= most:
+        return list(extensions), {}
+    r, jacobian = evaluate(carrier, base.additions, base.x, base.theta, changes=True)
+    known = columns(carrier, base.additions)
+    jacobian[:, known] = base.jacobian[:, known]  # with the columns that are differenced
+    a, r = jacobian[use][:, known], r[use]
+    q, s, _ = np.linalg.svd(a / lengths(a), full_matrices=False)
+    q = q[:, s > SINGULAR * np.max(s, initial=0.0)]
+    rest, square, shares = r - q @ (q.T @ r), float(r @ r), {}
+    for e in many:
+        own = jacobian[use][:, carrier_places(carrier, e)]
+        own = own / lengths(own)
+        apart = own - q @ (q.T @ own)
+        size = float(np.sum(apart**2))
+        shown = np.isfinite(size) and size > SINGULAR and square > 0.0
+        shares[e] = float(np.sum(apart.T @ rest) ** 2) / size / square if shown else 0.0
+    best = sorted(many, key=lambda e: -shares[e])[:most]
+    chosen = [e for e in extensions if e not in shares or (e in best and shares[e] > 0.0)]
+    return chosen, {e: min(share, 1.0) for e, share in shares.items() if e not in chosen}
 
 
 def judged(carrier: Carrier, base: Fitted, t: Trial, use: np.ndarray, kept: np.ndarray) -> Trial:
@@ -142,12 +195,18 @@ def refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarr
 
 def _price(e: Extension) -> int:
     """Simulations with derivatives that a first try of an addition takes at most."""
-    return (1 if e.linear else len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
+    return max(1, len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
 
 
-def _found(carrier: Carrier, trials: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray) -> tuple[Trial, ...]:
-    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order."""
+def _found(
+    carrier: Carrier, base: Fitted, trials: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray
+) -> tuple[Trial, ...]:
+    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order.
+
+    What changes with a signal bends to much that it is not: it has to explain most of what is left, or to come near the noise.
+    """
     good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
+    good = [t for t in good if not changing([t.extension]) or t.explained >= MOST or _near_noise(carrier, t, kept)]
     if not good:
         return ()
     best = max(good, key=lambda t: t.explained)
@@ -156,9 +215,22 @@ def _found(carrier: Carrier, trials: Sequence[Trial], extensions: Sequence[Exten
     for t in good:
         assert t.at is not None
         apart = evidence(t.at, best.at, carrier.rows, use)
+        if t is not best and not _same_part(base, t.at, best.at, use):
+            continue
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _same_part(base: Fitted, one: Fitted, other: Fitted, use: np.ndarray) -> bool:
+    """Whether two fits take much the same from the residuals of a third, as friction on two joints does not."""
+    a, b = ((base.residuals - f.residuals)[use] for f in (one, other))
+    return float(a @ b) >= SAME * float(np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _near_noise(carrier: Carrier, t: Trial, kept: np.ndarray) -> bool:
+    assert t.at is not None
+    return times_noise(carrier, t.at, ~kept) <= NEAR
 
 
 def _pressed(carrier: Carrier, one: Fitted) -> bool:

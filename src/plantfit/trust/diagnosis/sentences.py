@@ -7,17 +7,21 @@ from typing import Any, Literal
 import numpy as np
 
 from plantfit.findings import diagnosis as records
+from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
+from plantfit.trust.diagnosis.diagnose import SOME, STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
+from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
+from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
+from plantfit.units import difference_of
 
-SOME = 1.3  # times the sample-to-sample noise: a linear model is looked at
 MORE = 1.5  # times that noise: what was found is not all, or stands for something else
+MOST_VALUES = 6  # in a sentence
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
@@ -33,7 +37,8 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
     Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain. `linear` may say
     what a linear model without physics does on an output of which much is left (`first_look.linear_beside`).
     """
-    beside = [] if linear is None else list(_linear(diagnosis, linear))
+    simulated = isinstance(diagnosis.carrier.given.model, Model)
+    beside = [] if linear is None or not simulated else list(_linear(diagnosis, linear))
     diagnosis = replace(diagnosis, surpassed=bool(beside))
     return {
         "name": diagnosis.carrier.given.name,
@@ -44,6 +49,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
         "exchanged": {old.name: new.name for old, new in diagnosis.exchanged},
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
+        "wandering": _wandering(diagnosis),
     }
 
 
@@ -99,6 +105,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield say("info", f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.", explained=_best(last))
     if alone or d.found:
         yield from _left(d)
+    if d.disturbed is not None and not d.surpassed:
+        yield _wanders(d, d.disturbed)
 
 
 def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "possibly"] | None:
@@ -108,6 +116,8 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
     much = _stands_for_more(d)
+    if d.disturbed is not None and len(d.disturbed.additions) < len(d.end.additions):
+        return "possibly"  # a disturbance does without it
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
@@ -122,8 +132,13 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     elif len(one.found) == 1:
         text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
     else:
-        others = ", ".join(f"{_phrase(t)} ({_percent(t.explained)})" for t in one.found[1:])
-        text += f", and {others} explains it as well: one of them is {likely} missing, and this record cannot tell which."
+        rest = one.found[1:]
+        if len(rest) == 1:
+            others = f"{_phrase(rest[0])} ({_percent(rest[0].explained)}) explains"
+        else:
+            named = [f"{t.extension.article} {t.extension.name}".strip() for t in rest]
+            others = f"{', '.join(named[:-1])} and {named[-1]} explain"
+        text += f", and {others} it as well: one of them is {likely} missing, and this record cannot tell which."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
 
@@ -145,7 +160,7 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
         text += ", and none of it is more than chance or holds on unseen data"
-    good = alone and best < 0.05 and not d.surpassed and not _much_left(d)
+    good = alone and best < 0.05 and not d.surpassed and not _much_left(d) and d.disturbed is None
     return say("good" if good else "info", text + ".", explained=best)
 
 
@@ -156,12 +171,52 @@ def _best(one: Round) -> float:
 def _left(d: Diagnosis) -> Iterator[Sentence]:
     """Whether more than noise is left after all that was found."""
     for output, times in _much_left(d).items():
+        if d.disturbed is not None and not d.surpassed:
+            continue  # it is told what that is
         yield say(
             "warning",
             f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
             "doubt: something else is missing, or the record is too short to tell.",
             times=times,
         )
+
+
+def _wanders(d: Diagnosis, found: Disturbed) -> Sentence:
+    """A disturbance on the output, and the parameters beside it."""
+    walk, given = found.walk, d.carrier.given
+    unit = plain_unit(difference_of(given.model.outputs[found.output]))
+    longest = max(float(np.ptp(e.recording.t)) for e in given.experiments.values())
+    time = rounded_to_series(0.1 * longest)
+    moved = with_unit(walk.moves(time / found.period), unit)
+    alone, y = len(found.additions) < len(d.end.additions), found.output
+    noise, of = with_unit(walk.noise, unit), f"The residual of {y} as the model is" if alone else f"What is left of {y}"
+    text = (
+        f"{of} wanders by itself, by about {moved} in {time:g} s, beside noise of {noise}. That accounts for "
+        f"{_percent(walk.explains)} of it, and it follows no input: something that is not measured acts on {y}"
+        f"{', and nothing else need be missing' if alone else ''}."
+    )
+    shown = [r for r in _disturbed_values(d, found) if r["name"] in given.space.names][:MOST_VALUES]
+    if shown:
+        each = [estimate(r) for r in shown]
+        text += f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
+    return say("warning", text, explained=walk.explains)
+
+
+def _disturbed_values(d: Diagnosis, found: Disturbed) -> list[dict[str, Any]]:
+    units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
+    units |= {a.parameter: a.unit for a in found.additions}
+    return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
+
+
+def _wandering(d: Diagnosis) -> dict[str, Any] | None:
+    found = d.disturbed
+    if found is None:
+        return None
+    unit = plain_unit(difference_of(d.carrier.given.model.outputs[found.output]))
+    walk, values = found.walk, [records.ValueBeside(**v) for v in _disturbed_values(d, found)]
+    return records.Wandering(
+        output=found.output, unit=unit, steps=walk.steps, period=found.period, noise=walk.noise, explained=walk.explains, values=values,
+    ).plain()  # fmt: skip
 
 
 def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:

@@ -19,6 +19,7 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
+MORE_ROUNDS, MANY, FEW_KEPT = 40, 4096, 0.02  # further rounds of so many draws, where at least such a share has a cost that the data allow
 WIDE = 0.5  # of a value: a standard error above it is no bell's
 LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which draws of what is open are kept where no walk begins
 POOL = 1000  # candidates of both kinds that walkers begin at
@@ -205,18 +206,19 @@ def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int)
     space, wide = problem.space, around.known.wide
     kept, tried, filtered = np.zeros((0, len(z))), 0, bool(np.any(wide))
     most = _allowed(problem, space, z, around.drawn(100, False)) if filtered else np.inf
-    for _ in range(ROUNDS):
-        if len(kept) >= count:
+    for k in range(ROUNDS + MORE_ROUNDS):
+        if len(kept) >= count or (k >= ROUNDS and len(kept) < FEW_KEPT * tried):
             break
-        new = around.drawn(max(count, 64), True)
+        # of many coordinates most draws leave some limit: these cost nothing, so that many are made before it is given up
+        new = around.drawn(max(count, 64) if k < ROUNDS else MANY, True)
         tried += len(new)
         if filtered and len(new):
             new = new[_costs(problem, space, new) <= most]
         kept = np.concatenate([kept, new])
     if len(kept) < count:
         raise SearchError(
-            f"Of {tried} draws of the parameters {len(kept)} have a cost that the data allow; the ranges of {_few(space.names, wide)} are "
-            "too wide and too bent to draw from. Hold one of them at a known value, or record again."
+            f"Of {tried} draws of the parameters within their limits {len(kept)} have a cost that the data allow; the ranges of "
+            f"{_few(space.names, wide)} are too wide and too bent to draw from. Hold one of them at a known value, or record again."
         )
     return kept, min(1.0, len(kept) / tried) if filtered else 1.0
 

@@ -11,7 +11,9 @@ from plantfit.spec.tables import SpecTable, validated
 if TYPE_CHECKING:
     from plantfit.answer import Answer
     from plantfit.controllers import Controller
+    from plantfit.findings.results.held_plant import HeldPlant
     from plantfit.findings.results.tuned_controller import TunedController
+    from plantfit.holding import Held
 
 
 def read_tables(spec: str) -> SpecTable:
@@ -45,6 +47,57 @@ def tolerances_of(texts: Sequence[str]) -> dict[str, str] | None:
             raise SpecError(f"--tolerance {text!r} names no parameter; write for example 'tau=10 %'.")
         found[name.strip()] = value.strip()
     return found or None
+
+
+def weights_in(text: str | None) -> dict[str, float] | None:
+    """Weights by name of "iae=1,travel=0.2". Raises SpecError."""
+    if text is None:
+        return None
+    found = {}
+    for part in text.split(","):
+        name, sign, value = part.partition("=")
+        try:
+            found[name.strip()] = float(value) if sign else 1.0
+        except ValueError:
+            raise SpecError(f"--minimise {part.strip()!r} gives no weight; write for example iae=1,travel=0.2.") from None
+    return found
+
+
+def held_in(texts: Sequence[str] | None) -> dict[str, str] | None:
+    """By name, of texts such as "theta1=90 deg"; None for no text. Raises SpecError."""
+    return named_in("--hold", texts, "theta1=90 deg", "state")
+
+
+def named_in(option: str, texts: Sequence[str] | None, example: str, what: str = "signal") -> dict[str, str] | None:
+    """Values by name, of texts such as "T=100 degC"; None for no text. Raises SpecError."""
+    found = {}
+    for text in texts or ():
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise SpecError(f"{option} {text!r} names no {what}; write for example {example!r}.")
+        found[name.strip()] = value.strip()
+    return found or None
+
+
+def levels_in(text: str | None) -> int | list[str] | None:
+    """Levels of "20 degC,40 degC", or how many."""
+    if text is None:
+        return None
+    return int(text) if text.strip().isdigit() else [v.strip() for v in text.split(",") if v.strip()]
+
+
+def front_in(text: str | None) -> list[str] | None:
+    """The figures of "iae,input_noise"."""
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def refuse_regression(table: SpecTable, spec: str) -> None:
+    """Raises SpecError for a regression, which is solved at once and has no loop of one output."""
+    if table.regression is not None:
+        raise SpecError(
+            f"{spec} is a regression, which is solved at once and closes no loop of one output; say where its plant is held, as in "
+            '--hold "theta1=90 deg" ([control] hold).'
+        )
 
 
 def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
@@ -98,10 +151,48 @@ def written(found: "Controller", page: Path, folder: Path) -> list[Path]:
     return [write_controller_page(found.typed, found.curves, page), data, c.source, c.header]
 
 
+def written_held(found: "Held", page: Path, folder: Path) -> list[Path]:
+    """Page, JSON and C files of a regulator. Raises StoreError where a file of the user would be replaced."""
+    from plantfit.cli.terminal.out import plain
+    from plantfit.folders import may_be_written
+    from plantfit.report.pages.held import write_held_page
+
+    data = page.with_suffix(".json")
+    if not may_be_written(data):
+        raise StoreError(f"{data} is there and was not written by plantfit; move it, or name another page with --out.")
+    folder.mkdir(parents=True, exist_ok=True)
+    c = found.to_c(folder)
+    data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")
+    return [write_held_page(found.typed, found.curves, page), data, c.source, c.header]
+
+
+def show_held(record: "HeldPlant") -> None:
+    """Verdict, wishes and the table of a regulator on the terminal."""
+    from plantfit.cli.terminal.out import out, verdict
+    from plantfit.report.pages.held import asked, heads, settings, table_rows
+    from plantfit.report.text import columns
+
+    verdict(record.plain())
+    for sentence in [settings(record), *asked(record)]:
+        out.print(f"  {sentence}", markup=False)
+    out.print(columns(heads(record), table_rows(record), range(1, len(heads(record)))), markup=False)
+
+
 def show(record: "TunedController") -> None:
     """Verdict, wishes and the table on the terminal."""
     from plantfit.cli.terminal.out import out, verdict
-    from plantfit.report.pages.controller import asked, heads, reduction, settings, table_rows
+    from plantfit.report.pages.controller import (
+        asked,
+        front_heads,
+        front_rows,
+        front_told,
+        heads,
+        level_heads,
+        level_rows,
+        reduction,
+        settings,
+        table_rows,
+    )
     from plantfit.report.text import columns
 
     verdict(record.plain())
@@ -110,3 +201,8 @@ def show(record: "TunedController") -> None:
         out.print(f"  {sentence}", markup=False)
     out.print(columns(heads(record), table_rows(record), range(1, len(heads(record)))), markup=False)
     out.print(reduction(record), markup=False)
+    if record.schedule is not None:
+        out.print(columns(level_heads(record), level_rows(record), range(len(level_heads(record)))), markup=False)
+    if record.front is not None:
+        out.print(columns(front_heads(record), front_rows(record), range(len(front_heads(record)))), markup=False)
+        out.print(front_told(record), markup=False)

@@ -30,24 +30,36 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     found = _tried(study, only, json)
     looks = [look.record for look in problem_looks(found.carrier.given)]
     record = {**diagnosis_record(found, linear=linear_beside), "data": looks}
-    written = _written(study, found, record, place, force, only)
     if json:
-        return print_json({**record, **written})
+        return print_json({**record, **_written(study, found, place, force, only)})
     say_looks(looks)
     verdict(record)
     _table(record)
+    written = _written(study, found, place, force, only)  # where that fails, what was found has been said
     if not written:
         return
     out.print("\nWhat to write into the study file:\n", markup=False)
-    for line in record["write"]:
+    for line in written["write"]:
         out.print(f"    {line}", markup=False)
-    for name, step in written["clean"].items():
-        out.print(f"    [recording.{name}]\n    clean = {step}", markup=False)
+    for name, steps in written["clean"].items():
+        out.print(f"    [recording.{name}]\n    clean = {_toml(steps)}", markup=False)
     if "rmse" in written:
         unseen = "" if written["unseen_rmse"] is None else f", {written['unseen_rmse']:.4g} on unseen data"
         values = ", ".join(f"{n} = {v:.4g}" for n, v in written["values"].items())
         out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{unseen}; {values}", markup=False)
     out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
+
+
+def _toml(steps: Sequence[Mapping[str, Any]]) -> str:
+    """Cleaning steps as a line of a study file."""
+    import tomlkit
+
+    array = tomlkit.array()
+    for step in steps:
+        table = tomlkit.inline_table()
+        table.update(step)
+        array.append(table)
+    return array.as_string()
 
 
 def added(path: str, names: Sequence[str], json: bool) -> Path:
@@ -71,22 +83,21 @@ def added(path: str, names: Sequence[str], json: bool) -> Path:
 def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
     """Fit a study and try additions: those asked for, which are looked up before the fit, else all."""
     from plantfit.fitting import fit
-    from plantfit.trust.diagnosis.catalogue import catalogue
-    from plantfit.trust.diagnosis.diagnose import chosen, demand_treatable
+    from plantfit.spec import before_filter
+    from plantfit.trust.diagnosis.diagnose import additions, chosen, demand_treatable
     from plantfit.trust.diagnosis.diagnose import diagnose as tried
-    from plantfit.trust.diagnosis.plant.carrier import rows_of
 
-    search = study.plan
+    search, regression = study.plan, before_filter(study)
     demand_treatable(study.problem)
     if only:
-        chosen(catalogue(study.problem, rows_of(study.problem)), only)
+        chosen(additions(study.problem, regression), only)
     with progress_line(json) as tell:
         answer = fit(
             study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
             settings=search.settings.get(search.methods[0]), shooting=study.table.search.shooting, progress=tell,
         )  # fmt: skip
     with said_line(json) as say:
-        return tried(answer.problem, answer.best.x, progress=say, only=only or None)
+        return tried(answer.problem, answer.best.x, progress=say, only=only or None, regression=regression)
 
 
 def _all(found: "Diagnosis") -> "tuple[Trial, ...]":
@@ -94,9 +105,7 @@ def _all(found: "Diagnosis") -> "tuple[Trial, ...]":
     return tuple(r.trials[0] for r in found.rounds if r.trials)
 
 
-def _written(
-    study: "Study", found: "Diagnosis", record: dict[str, Any], place: str | None, force: bool, only: Sequence[str]
-) -> dict[str, Any]:
+def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool, only: Sequence[str]) -> dict[str, Any]:
     """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
     from plantfit.spec import parse
     from plantfit.trust.diagnosis import change_of
@@ -105,13 +114,13 @@ def _written(
     trials, clean = _all(found) if only else found.found, _steps(found)
     if not trials and not clean:
         return {}
-    record["write"] = addition_lines([change_of(found, t) for t in trials])
     target = Path(place) if place else _target(study, trials, bool(clean))
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
     text = _text(study, found, trials, clean)
     _write(target, text)
-    return {"file": shown(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
+    lines = addition_lines([change_of(found, t) for t in trials])
+    return {"write": lines, "file": shown(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
 
 
 def _text(study: "Study", found: "Diagnosis", trials: "tuple[Trial, ...]", clean: Mapping[str, Any]) -> str:

@@ -10,15 +10,17 @@ from plantfit.report.figures import style
 from plantfit.report.figures.style import Figure
 
 PANEL, GAP, TOP, BOTTOM = 230, 50, 66, 46  # pixels
+WIDEST = 6.0  # steps from the set point that a figure of responses shows at most, but for bands
 Curves = Mapping[str, Any]
 
 
-def _columns(count: int) -> list[tuple[float, float]]:
+def panels(count: int) -> list[tuple[float, float]]:
+    """Where so many columns lie, from 0 to 1."""
     width = (1.0 - 0.06 * (count - 1)) / count
     return [(k * (width + 0.06), k * (width + 0.06) + width) for k in range(count)]
 
 
-def _band(x: np.ndarray, bands: Mapping[str, np.ndarray], axes: Mapping[str, str], first: bool, plants: str) -> list[dict[str, Any]]:
+def band(x: np.ndarray, bands: Mapping[str, np.ndarray], axes: Mapping[str, str], first: bool, plants: str) -> list[dict[str, Any]]:
     """The 5 to 95 % band, its middle and the best fit."""
     xs, base = style.numbers(x), {"type": "scatter", "mode": "lines", **axes, "hoverinfo": "skip"}
     edge = base | {"x": xs, "y": style.numbers(bands["low"]), "line": {"width": 0}, "showlegend": False}
@@ -39,7 +41,7 @@ def _span(bands: list[Mapping[str, np.ndarray]]) -> list[float]:
 
 def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, input_: str, plants: str) -> Figure:
     """Output and input after a step of the set point, then of load: one column for each tuning."""
-    columns, height = _columns(len(found)), 2 * PANEL + GAP
+    columns, height = panels(len(found)), 2 * PANEL + GAP
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     data, notes = [], []
     cut = PANEL / height
@@ -47,12 +49,15 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
     room = 0.5 * abs(wishes.step)
     seen = [c["y"][k] for c in found.values() for k in ("low", "high")]
     low, high = (float(f([np.nanquantile(v, q) for v in seen])) for f, q in ((min, 0.0), (max, 1.0)))
-    span = [max(low, min(start, level) - 2 * room) - 0.1 * room, min(high, max(start, level) + 2 * room) + 0.2 * room]
+    inner = np.concatenate([c["y"][k] for c in found.values() for k in ("middle", "best")])  # seen whole, if it stays near
+    near = inner[np.isfinite(inner) & (np.abs(inner - level) < WIDEST * abs(wishes.step))]
+    ends = [max(low, min(start, level) - 2 * room), min(high, max(start, level) + 2 * room)]
+    span = [min([ends[0], *near]) - 0.1 * room, max([ends[1], *near]) + 0.2 * room]
     for k, (name, c) in enumerate(found.items()):
         for row, (key, unit) in enumerate((("y", output), ("u", input_))):
             number = str(2 * k + row + 1) if k or row else ""
             axes = {"xaxis": "x" + number, "yaxis": "y" + number}
-            data += _band(c["t"], c[key], axes, k == 0 and row == 0, plants)
+            data += band(c["t"], c[key], axes, k == 0 and row == 0, plants)
             if row == 0:
                 line = {"color": style.INK, "width": 1.2, "dash": "dot"}
                 steps = {"x": [0.0, float(c["t"][-1])], "y": [level, level], "line": line, "name": "set point", "showlegend": k == 0}
@@ -72,14 +77,14 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
 
 def sensitivity_figure(found: Mapping[str, Curves], ms: float, plants: str) -> Figure:
     """|S| over frequency with the limit that was asked for."""
-    columns = _columns(len(found))
+    columns = panels(len(found))
     layout = style.layout(PANEL + TOP + BOTTOM, showlegend=True, margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     data, notes = [], []
     highest = max([ms, *(float(np.nanmax(c["sensitivity"]["high"])) for c in found.values())])
     for k, (name, c) in enumerate(found.items()):
         number = "" if k == 0 else str(k + 1)
         axes = {"xaxis": "x" + number, "yaxis": "y" + number}
-        data += _band(c["w"], c["sensitivity"], axes, k == 0, plants)
+        data += band(c["w"], c["sensitivity"], axes, k == 0, plants)
         ends = [float(c["w"][0]), float(c["w"][-1])]
         limit = {
             "x": ends,
@@ -99,7 +104,7 @@ def sensitivity_figure(found: Mapping[str, Curves], ms: float, plants: str) -> F
 
 def nyquist_figure(found: Mapping[str, Curves], ms: float) -> Figure:
     """Open loops near -1 with the circle in which none may come: its radius is 1/Ms."""
-    columns, height = _columns(len(found)), 330
+    columns, height = panels(len(found)), 330
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     data, notes = [], []
     for k, (name, c) in enumerate(found.items()):

@@ -11,20 +11,25 @@ from functools import cached_property
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.models.extensions import parameter_name, with_extensions
+from plantfit.models.extensions import KINDS, parameter_name, with_extensions
+from plantfit.models.extensions.changes import WITH
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.simulate.simulator import Drive
 from plantfit.space import Parameter
-from plantfit.trust.diagnosis.candidates import Inside, candidates
+from plantfit.trust.diagnosis.candidates import Changing, Inside, candidates
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.input_places import InputPlaces
+from plantfit.trust.diagnosis.plant.sizes import Size, sizes_of
 
 import jax.numpy as jnp
 
 WIDE = 50.0  # bounds of an effect inside the plant, in sizes that would be seen at once
 CREEP = 0.02  # of the spread of a velocity: where dry friction is whole
+SLOWEST, FASTEST = (
+    0.005,
+    0.3,
+)  # of the spread of a velocity: where a speed may be over which friction falls; beyond it would be dry friction
 JITTER = 1e-9  # of an input's spread: every sample is then a jump, and late copies of all inputs have one shape
 
 Inputs = Mapping[str, Mapping[str, np.ndarray]]  # recording -> input -> values (n,)
@@ -50,7 +55,10 @@ class Rows:
 @dataclass(frozen=True)
 class Carrier:
     """`at` gives predictions (m,) in scaled units with derivatives (m, d) by parameters; the first `own` of them are the problem's, in
-    the unit cube, the rest effects inside the plant, in their units. `inside` maps (kind, state) to the places of its coordinates."""
+    the unit cube, the rest effects inside the plant, in their units. `inside` maps (kind, state) to the places of its coordinates,
+    `speeds` to that of a speed that is fitted beside it, with the spread of the state; `values` are what else comes with effects. `core` is
+    the same without what changes with a signal, of which there are many: most of the work is done there. Of `thin` samples, filtered
+    before the fit, one tells of noise."""
 
     problem: Problem
     given: Problem
@@ -58,10 +66,13 @@ class Carrier:
     z: np.ndarray
     own: int
     inside: Mapping[tuple[str, str], tuple[int, ...]]
-    creeps: Mapping[str, float]
+    speeds: Mapping[tuple[str, str], tuple[int, float]]
+    values: Mapping[str, float]
     inputs: Inputs
     meter: Meter = field(default_factory=Meter)
     sharp: int = 1
+    core: "Carrier | None" = None
+    thin: int = 1
 
     @classmethod
     def of(
@@ -71,23 +82,40 @@ class Carrier:
 
         Dry friction is whole from a speed on that is `sharp` times less than usual, and steps are as many times finer.
         """
+        sizes, meter, inside = sizes_of(problem, z), meter or Meter(), candidates(Inside)
+        changing = {k for k, states in kinds.items() if states and isinstance(inside[k], Changing)}
+        core = cls._made(problem, z, {k: v for k, v in kinds.items() if k not in changing}, sizes, meter, sharp)
+        return replace(cls._made(problem, z, kinds, sizes, meter, sharp), core=core) if changing else core
+
+    @classmethod
+    def _made(
+        cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], sizes: Mapping[str, Size], meter: Meter, sharp: int
+    ) -> "Carrier":
         model = problem.model
         assert isinstance(model, Model)
-        sizes = _sizes(problem, z)
         many = len(problem.experiments) > 1
         bounds = {k: {s: (-1.0, 1.0) for s in states} for k, states in kinds.items() if states}
         changes: dict[str, Parameter] = dict(problem.space.parameters)
-        creeps, inside_the_plant = {}, candidates(Inside)
+        had = {p.name for p in model.parameters}
+        fixed: dict[str, float] = {}
+        speeds: dict[tuple[str, str], float] = {}
         for kind, states in kinds.items():
+            candidate = candidates(Inside)[kind]
             for s in states:
-                spread, rate = sizes[s]
-                # powers of two, and creep in round numbers: what is compiled for one recording serves another of the same plant
-                wide = 2.0 ** np.ceil(np.log2(WIDE * inside_the_plant[kind].size(spread, rate)))
+                own = sizes[s.split(WITH)[1] if isinstance(candidate, Changing) else s]
+                # powers of two, and what is fixed in round numbers: what is compiled for one recording serves another of the same plant
+                size = candidate.size(own.deviation if isinstance(candidate, Changing) else own.spread, own.rate)
+                wide = 2.0 ** np.ceil(np.log2(WIDE * size))
                 bounds[kind][s] = (-wide, wide)
-                changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and inside_the_plant[kind].per_recording)
-                if kind == "coulomb":
-                    creeps[s] = _round(CREEP / sharp * spread)
-                    changes[f"creep_{s}"] = Parameter(value=creeps[s])
+                changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and candidate.per_recording)
+                own_parts = (p for p in (KINDS[kind].beside if kind in KINDS else ()) if parameter_name(p, s) not in had)
+                for part in own_parts:
+                    if part == candidate.speed:
+                        speeds[kind, s] = float(2.0 ** np.ceil(np.log2(own.spread)))
+                        changes[parameter_name(part, s)] = Parameter((SLOWEST * speeds[kind, s], FASTEST * speeds[kind, s]))
+                    else:
+                        fixed[parameter_name(part, s)] = rounded_to_series(CREEP / sharp * own.spread) if part == "creep" else own.reference
+        changes |= {name: Parameter(value=value) for name, value in fixed.items()}
         inputs = {n: {u: _jittered(e.recording[u]) for u in model.inputs} for n, e in problem.experiments.items()}
         filled = {n: _filled(e.recording, inputs[n], model.outputs) for n, e in problem.experiments.items()}
         simulator = problem.predictor.stepping()
@@ -106,7 +134,7 @@ class Carrier:
             made = build()
             made = made.with_mesh({n: m for n, m in problem.mesh.items() if n in made.experiments})
         else:
-            key = "carrier", sharp, simulator.stepper, simulator.substeps, str(bounds), str(creeps)
+            key = "carrier", sharp, simulator.stepper, simulator.substeps, str(bounds), str(fixed), str(speeds)
             made = problem.once(key, build).with_recordings(filled).with_scales(problem.scales)
         order = [made.space.names.index(n) for n in problem.space.names]
         inside = {
@@ -114,12 +142,17 @@ class Carrier:
             for kind, states in kinds.items()
             for s in states
         }
+        beside = {
+            (kind, s): (made.space.names.index(parameter_name(candidates(Inside)[kind].speed, s)), spread)
+            for (kind, s), spread in speeds.items()
+        }
         z = np.asarray(z, dtype=float)
-        return cls(made, problem, rows_of(problem), z, len(order), inside, creeps, inputs, meter or Meter(), sharp)
+        return cls(made, problem, rows_of(problem), z, len(order), inside, beside, fixed, inputs, meter, sharp)
 
-    @property
-    def charge(self) -> float:
+    def charge(self, changes: bool) -> float:
         """Of one call of `at`, in evaluations of the cost."""
+        if self.core is not None and not changes:
+            return self.core.charge(False)
         return self.sharp * self.problem.jacobian_charge
 
     @cached_property
@@ -127,13 +160,24 @@ class Carrier:
         """Coordinates of the carrier: those of the problem in its order, then the effects inside."""
         return (*self.given.space.names, *(n for n in self.problem.space.names if n not in self.given.space.names))
 
-    def at(self, x: np.ndarray, inputs: Inputs | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in their units."""
-        self.meter.charge(self.charge)
-        places, width = self._columns
+    def at(self, x: np.ndarray, inputs: Inputs | None = None, changes: bool = True, slopes: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in their units.
+
+        Without `changes` the derivatives by what changes with a signal are left zero, and their values are taken for zero. Without
+        `slopes` there are no derivatives: (m, 0).
+        """
+        if self.core is not None and not changes:
+            predicted, own_columns = self.core.at(x[self._of_core], inputs, slopes=slopes)
+            if not slopes:
+                return predicted, own_columns
+            jacobian = np.zeros((len(predicted), len(x)))
+            jacobian[:, self._of_core] = own_columns
+            return predicted, jacobian
+        self.meter.charge(self.charge(changes) if slopes else float(self.sharp))
+        places, width, centre = self._columns
         own = np.arange(len(x)) < self.own
         cube = np.empty(len(x))
-        cube[places] = np.where(own, x, 0.5 + x / width)
+        cube[places] = np.where(own, x, 0.5 + (x - centre) / width)
         problem, numbers = self.problem, None
         if inputs is not None:
             jittered = {n: {u: _jittered(v) for u, v in changed.items()} for n, changed in inputs.items()}
@@ -141,15 +185,29 @@ class Carrier:
             if numbers is None:
                 problem = problem.with_recordings(self._recordings(jittered))
         numbers = problem.arguments if numbers is None else numbers
+        if not slopes:
+            r = np.asarray(problem.compiled["residuals"](jnp.asarray(cube), numbers))
+            return r + self._measured, np.zeros((len(r), 0))
         r, jacobian = problem.compiled["residuals_and_jacobian"](jnp.asarray(cube), numbers)
         return np.asarray(r) + self._measured, np.asarray(jacobian)[:, places] / width
 
     @cached_property
-    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of every coordinate its place among those of the compiled problem (d,), and its width: 1 of the problem's own."""
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of every coordinate its place among those of the compiled problem (d,), its width, 1 of the problem's own, and its centre."""
         space = self.problem.space
         places = np.array([space.names.index(n) for n in self.names])
-        return places, np.where(np.arange(len(places)) < self.own, 1.0, (space.upper - space.lower)[places])
+        own = np.arange(len(places)) < self.own
+        return (
+            places,
+            np.where(own, 1.0, (space.upper - space.lower)[places]),
+            np.where(own, 0.0, 0.5 * (space.upper + space.lower)[places]),
+        )
+
+    @cached_property
+    def _of_core(self) -> np.ndarray:
+        """Where the coordinates of the core are among those here."""
+        assert self.core is not None
+        return np.array([self.names.index(n) for n in self.core.names])
 
     @cached_property
     def _places(self) -> InputPlaces | None:
@@ -159,7 +217,10 @@ class Carrier:
     @property
     def x(self) -> np.ndarray:
         """The answer (d,), all effects nothing."""
-        return np.r_[self.z, np.zeros(len(self.names) - self.own)]
+        x = np.r_[self.z, np.zeros(len(self.names) - self.own)]
+        for place, spread in self.speeds.values():
+            x[self.names.index(self.problem.space.names[place])] = spread
+        return x
 
     @cached_property
     def _measured(self) -> np.ndarray:
@@ -209,26 +270,7 @@ def _jittered(u: np.ndarray) -> np.ndarray:
     return u + JITTER * size * (np.arange(len(u)) % 2)
 
 
-def _round(value: float) -> float:
+def rounded_to_series(value: float) -> float:
     """The number of the series 1, 2, 5 that is nearest by its logarithm."""
     tens = 10.0 ** np.floor(np.log10(value))
     return float(f"{tens * min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(np.log(value / tens / m))):.1g}")
-
-
-def _sizes(problem: Problem, z: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Of every state its spread over the recordings (rms about zero) and that of its rate."""
-    values = np.asarray(problem.space.physical(z))
-    found: dict[str, tuple[float, float]] = {}
-    for name, drive in problem.whole_drives.items():
-        if not isinstance(drive, Drive):
-            continue
-        t = problem.experiments[name].recording.t
-        paths = problem.compiled["trajectories"](problem.space.tree(values, name), drive)
-        for s in problem.model.states:  # type: ignore[union-attr]
-            x = np.asarray(paths[s], dtype=float)[: len(t)]
-            x = np.broadcast_to(x, t.shape) if x.ndim == 0 else x
-            size = max(float(np.sqrt(np.mean(x**2))), 1e-9)
-            rate = max(float(np.sqrt(np.mean(np.gradient(x, t[: len(x)]) ** 2))), size / max(float(np.ptp(t)), 1e-300))
-            was = found.get(s, (0.0, 0.0))
-            found[s] = max(size, was[0]), max(rate, was[1])
-    return found

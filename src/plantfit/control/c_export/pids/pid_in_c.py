@@ -5,8 +5,8 @@ import os
 from collections.abc import Mapping
 
 from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, write_c
-from plantfit.control.c_export.fixed_pid import BITS, fixed_pid
-from plantfit.control.c_export.floating_pid import floating_pid
+from plantfit.control.c_export.pids.fixed_pid import BITS, fixed_pid
+from plantfit.control.c_export.pids.floating_pid import floating_pid
 from plantfit.control.pid import Gains, Settings, checked, gain_units
 from plantfit.errors import SimulationError
 

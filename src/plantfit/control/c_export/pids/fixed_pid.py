@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from string import Template
 
 from plantfit.control.c_export.files import literal
-from plantfit.control.c_export.scaling import FRACTION, UNIT, Scaling, scaled
+from plantfit.control.c_export.pids.scaling import FRACTION, UNIT, Scaling, scaled
 from plantfit.control.pid import Gains, Settings
 
 BITS = {"q15": 16, "q31": 32}

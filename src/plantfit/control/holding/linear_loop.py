@@ -1,0 +1,86 @@
+"""Plants near one equilibrium under a regulator with its filter: poles of the loop, sensitivity at the input."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+import plantfit.runtime  # noqa: F401
+from plantfit.models.model import Model
+from plantfit.simulate.steps.vector import vectorise
+
+import jax
+import jax.numpy as jnp
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """n plants near one point, sampled: A (n, s, s), B (n, s, m) with the inputs held over a period, C (n, p, s)."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+
+
+def near(model: Model, plants: Mapping[str, np.ndarray], x0: np.ndarray, u0: np.ndarray, period: float) -> Near:
+    """The plants (parameters (n,) by name) linearised at x0, u0 and sampled."""
+    vector = vectorise(model)
+    p = tuple(jnp.asarray(plants[name], dtype=float) for name in vector.parameters)
+
+    def local(p):
+        def rate(x, u):
+            return jnp.stack(vector.rate(tuple(x), (*u, 0.0), p))
+
+        def out(x, u):
+            return jnp.stack(vector.output(tuple(x), (*u, 0.0), p))
+
+        a, b = jax.jacfwd(rate, (0, 1))(jnp.asarray(x0), jnp.asarray(u0))
+        return a, b, jax.jacfwd(out)(jnp.asarray(x0), jnp.asarray(u0))
+
+    a, b, c = (np.asarray(v) for v in jax.jit(jax.vmap(local))(p))
+    n, s, m = b.shape
+    big = np.zeros((n, s + m, s + m))
+    big[:, :s, :s], big[:, :s, s:] = a, b
+    found = scipy.linalg.expm(big * period)
+    return Near(found[:, :s, :s], found[:, :s, s:], c)
+
+
+class LinearController(NamedTuple):
+    """s+ = F s + G y,  u = -H s - J y, all deviations; of a regulator on the corrected state of a filter."""
+
+    F: np.ndarray
+    G: np.ndarray
+    H: np.ndarray
+    J: np.ndarray
+
+
+def controller_of(parameters: Any) -> LinearController:
+    """`StateFeedback` where no limit acts."""
+    e, k = parameters.estimator, np.asarray(parameters.gain)
+    a, b, c, gain = (np.asarray(v) for v in (e.A, e.B, e.C, e.gain))
+    kept, moved = np.eye(len(a)) - gain @ c, a - b @ k
+    return LinearController(moved @ kept, moved @ gain, k @ kept, k @ gain)
+
+
+def poles(plants: Near, controller: LinearController) -> np.ndarray:
+    """The largest modulus (n,) of the poles of every loop."""
+    n, s = len(plants.A), plants.A.shape[-1]
+    size = len(controller.F)
+    whole = np.zeros((n, s + size, s + size))
+    whole[:, :s, :s] = plants.A - plants.B @ controller.J @ plants.C
+    whole[:, :s, s:] = -plants.B @ controller.H
+    whole[:, s:, :s] = controller.G @ plants.C
+    whole[:, s:, s:] = controller.F
+    return np.max(np.abs(np.linalg.eigvals(whole)), axis=1)
+
+
+def largest_sensitivity(plants: Near, controller: LinearController, w: np.ndarray, period: float) -> np.ndarray:
+    """The largest |1 / (1 + L)| (n,) at the only input, at w (F,) in rad/s."""
+    z = np.exp(1j * w * period)[:, None, None]
+    own = np.linalg.solve(z * np.eye(len(controller.F)) - controller.F, controller.G.astype(complex)[None])
+    c = controller.H @ own + controller.J  # (F, 1, p)
+    g = np.linalg.solve(z * np.eye(plants.A.shape[-1]) - plants.A[:, None], plants.B.astype(complex)[:, None])
+    loop = np.einsum("fp,nfp->nf", c[:, 0], np.einsum("nps,nfsm->nfp", plants.C, g))
+    return np.max(1.0 / np.abs(1.0 + loop), axis=1)

@@ -1,0 +1,1 @@
+"""Forms of controllers that one search and one judgement serve, a file each."""

@@ -1,0 +1,113 @@
+"""Regulators that hold an equilibrium: poles and sensitivity by identities, starts against what no input could catch, fresh plants."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plants import stick, straight
+
+import plantfit.runtime  # noqa: F401
+from plantfit.control.holding.design import designed, hold
+from plantfit.control.holding.linear_loop import controller_of, largest_sensitivity, near, poles
+from plantfit.control.holding.told import regulator, verdict
+from plantfit.control.linear.linear_plant import linearised
+from plantfit.errors import SimulationError
+from plantfit.findings.results.held_plant import HoldWishes
+from plantfit.models.text.equations import equations
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+
+ASKED = HoldWishes(
+    {"q": 0.0}, "u", 0.01, -0.3, 0.3, "q", 0.1, 1.0, 3.0, 0.02, {"q": 0.2, "w": 1.0}, {"q": 0.0, "w": 0.0}, {"q": 1e-4, "w": 1e-3}
+)  # fmt: skip
+
+
+def family(n, seed, spread=0.05):
+    rng = np.random.default_rng(seed)
+    return {k: v * np.r_[1.0, np.exp(spread * rng.normal(size=n))] for k, v in {"a": 20.0, "b": 50.0, "c": 0.3}.items()}
+
+
+def one():
+    return linearised(stick(), {"a": 20.0, "b": 50.0, "c": 0.3}, {"q": 0.0})
+
+
+@pytest.mark.parametrize("weights", [(1.0, 0.1), (100.0, 0.01), (0.01, 1.0)])
+def test_poles_are_those_of_one_sample_of_plant_and_controller(weights):
+    """By exact derivatives of both together; and 1 + L is the closed over the open characteristic polynomial."""
+    plants = family(4, 1, 0.3)
+    design = designed(one(), ASKED, *weights)
+    linear, c = near(stick(), plants, np.zeros(2), np.zeros(1), ASKED.period), controller_of(design.parameters)
+    found = poles(linear, c)
+    w = np.geomspace(0.01, np.pi / ASKED.period, 200)
+    z = np.exp(1j * w * ASKED.period)
+    for i in range(5):
+        a, b, seen = linear.A[i], linear.B[i], linear.C[i]
+        free = design.parameters._replace(lower=jnp.array([-np.inf]), upper=jnp.array([np.inf]))
+        start, back = ravel_pytree(design.controller.init({"q": jnp.zeros(())}, free))
+
+        def moved(s, a=a, b=b, seen=seen, free=free, back=back):
+            state, u = design.controller.update(back(s[2:]), {"q": (seen @ s[:2])[0]}, {}, free)
+            return jnp.concatenate([a @ s[:2] + b[:, 0] * u["u"], ravel_pytree(state)[0]])
+
+        whole = np.asarray(jax.jacfwd(moved)(jnp.concatenate([jnp.zeros(2), jnp.zeros_like(start)])))
+        own = np.linalg.eigvals(whole)
+        assert found[i] == pytest.approx(np.max(np.abs(own)), rel=1e-7)
+        opened = np.r_[np.linalg.eigvals(a), np.linalg.eigvals(c.F)]
+        closed = own[np.argsort(np.abs(own))[::-1]][:4]  # the others are 0: the command of the last sample
+        one_plus = np.prod(z[:, None] - closed, axis=1) / np.prod(z[:, None] - opened, axis=1)
+        truth = float(np.max(1.0 / np.abs(one_plus)))
+        assert largest_sensitivity(linear, c, w, ASKED.period)[i] == pytest.approx(truth, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return hold(straight(), family(20, 1), family(60, 2), ASKED)
+
+
+def test_no_start_is_caught_that_no_input_within_the_limits_could(found):
+    """The plant is linear: the part along its unstable mode has to be less than the input can hold back."""
+    for i in range(0, 61, 5):
+        p = {k: float(v[i]) for k, v in found.plants.items()}
+        a = np.array([[0.0, 1.0], [p["a"], -p["c"]]])
+        values, left = (np.real(v) for v in np.linalg.eig(a.T))
+        k = int(np.argmax(values))
+        bound = abs(left[1, k] * p["b"]) * 0.3 / values[k] / abs(left[0, k])
+        for far in found.best.caught[i]:
+            assert far <= bound
+            assert far >= 0.75 * bound  # a filter, a sampling and a grid of starts stand between
+
+
+def test_all_plants_of_the_family_are_held_and_fresh_ones_too(found):
+    assert found.best.share(ASKED) >= 0.95
+    assert np.all(found.best.stable)
+    assert float(np.real(found.unstable[0])) == pytest.approx(4.324, abs=1e-3)  # of q'' = 20 q - 0.3 q'
+    fresh = near(straight(), family(1000, 77), np.zeros(2), np.zeros(1), ASKED.period)
+    assert np.mean(poles(fresh, controller_of(found.best.design.parameters)) < 1.0) >= 0.999
+    told = [s.sentence for s in verdict(found, "that the data allow")]
+    assert told[0].startswith("Of 61 plants that the data allow, 100 % return to the point from q 0.1 ")
+    assert any("a deviation doubles in 0.16 s" in sentence for sentence in told)
+    row = regulator(found, found.best)
+    assert row.share == 1.0
+    assert row.below == pytest.approx(found.best.caught[0, 0])
+
+
+def test_responses_begin_at_the_lean_and_end_at_the_point(found):
+    seen = found.responses(found.best)
+    np.testing.assert_allclose(seen["y"][:, 0], 0.1)
+    assert np.max(np.abs(seen["y"][:, -30:])) < 0.02
+    assert np.max(np.abs(seen["u"])) <= 0.3 + 1e-12
+
+
+def test_what_cannot_be_held_is_said():
+    plants = {k: v[:3] for k, v in family(3, 1).items()}
+    leaning = replace(ASKED, at={"q": 0.2}, upper=-0.2)
+    with pytest.raises(SimulationError, match=r"Holding the point takes u = -0.079.*, beyond its limits -0.3 to -0.2"):
+        hold(stick(), plants, plants, leaning)
+    alone = equations("q' = a*q\nw' = u - w", inputs=["u"], states=["q", "w"], outputs=["q", "w"], parameters=["a"], name="alone")
+    with pytest.raises(SimulationError, match=r"No regulator exists for the inputs \['u'\]"):
+        hold(alone, {"a": np.ones(3)}, {"a": np.ones(3)}, ASKED)
+    falling = equations("q' = w\nw' = a + u*w", inputs=["u"], states=["q", "w"], outputs=["q"], parameters=["a"], name="falling")
+    with pytest.raises(SimulationError, match=r"has no equilibrium near x0"):
+        hold(falling, {"a": np.ones(3)}, {"a": np.ones(3)}, ASKED)
