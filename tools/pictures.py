@@ -40,6 +40,9 @@ def pictures() -> dict[str, tuple[str, str, str]]:
         said = KINDS[kind].sentence.format(signal)
         said = said if said.startswith(f"{signal} ") else said[0].upper() + said[1:]
         found[kind] = candidate.name.format(signal), f"{said}.", svg([("without", T, plant(u)), ("with", T, faulty(kind, u))])
+    drift = 0.6 * np.sin(2 * np.pi * T / (0.6 * T[-1])) + 0.4 * np.sin(2 * np.pi * T / (1.1 * T[-1]) + 1.0)
+    said = KINDS["slow_drift"].sentence.format("y")
+    found["slow_drift"] = "slow drift of y", f"{said[0].upper()}{said[1:]}.", svg([("without", T, plant(u)), ("with", T, plant(u) + drift)])
     for name, recording, look in looks():
         signal = look.signal
         if signal is None:

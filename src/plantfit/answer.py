@@ -147,11 +147,11 @@ class Answer:
         """Look for what is missing in the model (docs/diagnosis.md), and give section "diagnosis" of the findings.
 
         Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white, and takes at
-        most twice the evaluations of the search; None where there is nothing to look for, and for models that are not simulated over
-        time; of a regression the findings then say how. With `whole` everything is tried, whatever the residual is, and on regressions,
-        too; of one that was filtered before the fit `regression` is what it was before (`plantfit.spec.before_filter`). `progress` is
-        told what is being tried; the diagnosis ends where `stop` says True, and the findings then say that it was stopped. Raises
-        ModelError only with `whole`, for a model that is neither simulated over time nor a regression.
+        most twice the evaluations of the search; None where there is nothing to look for, and for models that are neither simulated over
+        time nor a regression. With `whole` everything is tried, whatever the residual is. Of a regression that was filtered before the
+        fit `regression` is what it was before (`plantfit.spec.before_filter`). `progress` is told what is being tried; the diagnosis ends
+        where `stop` says True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is
+        neither simulated over time nor a regression.
         """
         from plantfit.first_look import linear_beside
         from plantfit.trust.diagnosis import with_diagnosis

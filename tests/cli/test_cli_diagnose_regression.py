@@ -58,3 +58,21 @@ def test_cleaning_steps_that_it_prints_are_toml():
 
     steps = [{"step": "drop_outliers", "signal": "y", "window": 11, "threshold": 6.0}, {"step": "cut", "start": 0.5}]
     assert loads(f"clean = {_toml(steps)}") == {"clean": steps}
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_run_names_what_a_regression_lacks(tmp_path, capsys, monkeypatch, filtered):
+    monkeypatch.chdir(tmp_path)
+    study(tmp_path, 5, lambda q, v: 0.5 + 1.5 * np.sign(v), filtered)
+    said = call(capsys, monkeypatch, "run", "axis.toml")
+    assert said.code == 0, said.err
+    assert "Dry friction of 1.50" in said.out
+    assert 'Next: plantfit run axis.toml --try "dry friction on force with velocity over 0.0001"' in " ".join(said.out.split())
+
+
+def test_run_says_nothing_of_a_regression_that_lacks_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    study(tmp_path, 6, lambda q, v: 0.5 + 0.0 * v, False)
+    said = call(capsys, monkeypatch, "run", "axis.toml")
+    assert said.code == 0, said.err
+    assert "missing" not in said.out

@@ -24,7 +24,9 @@ WHERE = {"start": "x", **dict.fromkeys(("dead_time", "lag", "dead_zone", "satura
 WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 
 
-@pytest.mark.parametrize("kind", [*(k for k in KINDS if k != "change"), "change k with x", "change b with t", "change m with t"])
+@pytest.mark.parametrize(
+    "kind", [*(k for k in KINDS if k not in ("change", "slow_drift")), "change k with x", "change b with t", "change m with t"]
+)
 def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     plant, fault = PLANTS["second"], kind
     place = write(plant, fault, 0.0, 0, tmp_path)
@@ -106,7 +108,7 @@ def test_what_cannot_be_added_is_said(given, said):
         ("dead_time = { force = [0, 1] }", "is a regression: 'dead_time' cannot be added to it. It takes offset, viscous, coulomb"),
         ("coulom = { force = [0, 1] }", "'coulom' cannot be added to it. Did you mean 'coulomb'"),
         ("offset = { fore = [0, 1] }", "'fore' is none of its outputs ['force']. Did you mean 'force'"),
-        ("offset = { force = [1, 0] }", "offset of 'force' is (1.0, 0.0); write the bounds of its parameter, as in [0, 1]"),
+        ("offset = { force = [1, 0] }", "offset of 'force' is [1, 0]; write the bounds of its parameter, as in [0, 1]"),
         ("coulomb = { 'force with velocity' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),
         ("coulomb = { 'force with velocity over fast' = [0, 1] }", "whose scale is no number"),
         ("coulomb = { 'force with velocity over -1' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),

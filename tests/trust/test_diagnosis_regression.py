@@ -98,18 +98,22 @@ def test_a_table_of_instruments_has_no_diagnosis(tmp_path):
         before_filter(load(tmp_path / "axis.toml"))
 
 
-def test_a_run_says_which_command_looks_for_what_is_missing_where_much_is_left(tmp_path):
-    """And nothing where the residual is noise."""
+def test_a_run_tries_what_is_missing_where_much_is_left(tmp_path):
+    """And nothing where the residual is noise; of filtered columns it says what is needed."""
     bent, white = study(tmp_path, 5, lambda q, v: 2.9 * v * np.abs(v), False), study(tmp_path, 5, lambda q, v: 0 * v, False)
     answer = fit(bent.problem)
     answer.diagnose()
-    assert answer.findings["diagnosis"]["state"] == "left"
-    assert "What may be missing in this regression was not tried; `answer.diagnose(whole=True)` does it." in answer.verdict
-    assert "What may be missing</h2>" not in render_html(answer.findings)  # the verdict has said all
-    answer.diagnose(whole=True)
     assert answer.findings["diagnosis"]["rounds"][0]["found"] == ["drag by the square on force with velocity"]
     assert "was not tried" not in answer.verdict
     assert "What may be missing</h2>" in render_html(answer.findings)
+    filtered = study(tmp_path, 5, lambda q, v: 2.9 * v * np.abs(v), True)
+    answer = fit(filtered.problem)
+    answer.diagnose()
+    assert answer.findings["diagnosis"]["state"] == "left"
+    assert "give regression=plantfit.spec.before_filter(study)" in answer.verdict
+    assert "What may be missing</h2>" not in render_html(answer.findings)  # the verdict has said all
+    answer.diagnose(regression=before_filter(filtered))
+    assert answer.findings["diagnosis"]["rounds"][0]["found"] == ["drag by the square on force with velocity"]
     quiet = fit(white.problem)
     assert quiet.diagnose() is None
     assert "was not tried" not in quiet.verdict

@@ -89,6 +89,27 @@ class Wandering(Record):
     """The parameters with that allowed for."""
 
 
+class SlowDrift(Record):
+    """Of an output, a curve in time."""
+
+    output: str
+    unit: str | None = None
+    splines: int = 0
+    """Of the curve, cubic ones."""
+    moves: Number = None
+    """From its lowest to its highest."""
+
+
+class Drifting(Record):
+    """What is left of outputs as slow drifts that leave the noise, more slowly than the inputs move the plant."""
+
+    outputs: list[SlowDrift] = []
+    explained: Number = None
+    """Share of the mean square of what is left of these outputs."""
+    values: list[ValueBeside] = []
+    """The parameters with that allowed for."""
+
+
 class Diagnosis(Record):
     """Rounds of additions, what they say, and what to write into the study file."""
 
@@ -114,6 +135,8 @@ class Diagnosis(Record):
     verdict: list[Sentence] = []
     wandering: Wandering | None = None
     """A disturbance that nothing measured explains."""
+    drifting: Drifting | None = None
+    """Slow drifts that nothing measured explains."""
     state: Literal["", "whole", "part", "stopped", "left"] = ""
     """Everything was tried, a part of it, it was stopped, or left alone as it would take long."""
 

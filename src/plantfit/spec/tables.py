@@ -109,7 +109,7 @@ class ModelTable(_Table):
     tables: dict[str, TableTable] = {}
     hold: dict[str, Literal["previous", "linear"]] = {}
     clock_shift: dict[str, Pair] = {}
-    extensions: dict[str, dict[str, Pair]] = {}
+    extensions: dict[str, dict[str, Any]] = {}  # bounds, of a curve in time with nodes: `with_extensions` reads them
     filter_alike: AlikeTable | None = None
     check_units: bool = True
 

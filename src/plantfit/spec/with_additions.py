@@ -9,7 +9,7 @@ import tomlkit
 
 from plantfit.errors import SpecError
 from plantfit.spec.reading import parse
-from plantfit.trust.diagnosis.treatment import Change
+from plantfit.trust.diagnosis.treatment import SMOOTH, Change
 
 
 def with_additions(
@@ -37,11 +37,13 @@ def with_additions(
     for c in changes:
         if c.kind not in extensions:
             extensions[c.kind] = tomlkit.inline_table()
-        extensions[c.kind][c.signal] = [_plain(b) for b in c.bounds]
+        extensions[c.kind][c.signal] = _bounds(c)
         own = tomlkit.table()
         own["start"] = _plain(c.start)
         if c.per_recording:
             own["per_recording"] = True
+        if c.nodes is not None:
+            own["smooth"] = SMOOTH
         parameters[c.parameter] = own
         for beside, (low, high, start) in c.ranges:
             parameters[beside] = {"bounds": [_plain(low), _plain(high)], "start": _plain(start)}
@@ -54,6 +56,18 @@ def with_additions(
     except SpecError as error:
         raise SpecError(f"{path.name} cannot be written with {', '.join(c.parameter for c in changes)}: {error}") from None
     return new
+
+
+def _bounds(c: Change) -> Any:
+    """The bounds of an addition, of a curve in time with its nodes."""
+    pair = [_plain(b) for b in c.bounds]
+    if c.nodes is None:
+        return pair
+    (begin, end, count), made = c.nodes, tomlkit.inline_table()
+    nodes = tomlkit.inline_table()
+    nodes.update({"from": _plain(begin), "to": _plain(end), "count": count})
+    made.update({"bounds": pair, "nodes": nodes})
+    return made
 
 
 def _plain(value: float) -> float:

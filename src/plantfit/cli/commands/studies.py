@@ -164,7 +164,7 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
     if answer.errors and answer.draws:
         warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
     if diagnose and study.table.diagnose:
-        _diagnosed(answer, json)
+        _diagnosed(answer, study, json)
     path = answer.report(place)
     if not json:
         if several:
@@ -179,14 +179,17 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
     return {**_short(answer.findings), "report": str(path)}
 
 
-def _diagnosed(answer, quiet: bool) -> None:
+def _diagnosed(answer, study, quiet: bool) -> None:
     """Look for what is missing in the model where the findings ask for it. The answer is kept already: Ctrl-C ends the diagnosis alone."""
-    _ = answer.findings
+    from plantfit.spec import before_filter
+    from plantfit.trust.diagnosis import asked_for
+
+    regression = before_filter(study) if asked_for(answer.findings) else None
     with (
         said_line(quiet) as tell,
         stoppable("Stopping the diagnosis; the answer is kept. Ctrl-C again stops at once.", lambda: _KEPT) as stop,
     ):
-        answer.diagnose(progress=None if tell is None else lambda text: tell(f"diagnosis: {text}"), stop=stop)
+        answer.diagnose(progress=None if tell is None else lambda text: tell(f"diagnosis: {text}"), stop=stop, regression=regression)
 
 
 _KEPT = "Stopped at once; the study is kept, and `plantfit report` writes its report."

@@ -10,12 +10,13 @@ from plantfit.models.extensions.of_packages import loaded, packages_kinds
 from plantfit.models.model import Model
 from plantfit.models.remade import remade
 from plantfit.models.text.suggest import suggest
+from plantfit.models.text.table_text import read_nodes
 
 
 @remade
-def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, float]]]) -> Model:
+def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, float] | Mapping[str, Any]]]) -> Model:
     """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of `KINDS`, then those of
-    other packages.
+    other packages. Of a curve in time it is {"bounds": (low, high), "nodes": ...} with nodes in s, a list or {"from", "to", "count"}.
 
     Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises ModelError for a kind, signal
     or bounds that cannot be, for a dead time of an input that has one already, and for an addition of a package that cannot be made.
@@ -33,9 +34,10 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
                 raise ModelError(f"{where} give {kind} to {signal!r}, {_unknown(model, made, signal, known)}")
             if kind == "dead_time" and any(d.input == signal for d in model.delays):
                 raise ModelError(f"{where} give {signal!r} a dead time, and it has one already; widen the bounds of that one.")
-            pair = _pair(f"{where}: {kind} of {signal!r}", bounds)
+            what = f"{where}: {kind} of {signal!r}"
+            pair, nodes = _over_time(what, bounds) if made.over_time else (pair_of(what, bounds), ())
             try:
-                model = made.make(model, signal, pair, parameter_name(kind, signal))
+                model = made.make(model, signal, pair, parameter_name(kind, signal), *nodes)
             except Exception as failure:
                 if kind in KINDS:
                     raise
@@ -61,8 +63,19 @@ def _unknown(model: Model, made: Kind, signal: str, known: tuple[str, ...]) -> s
     return wrong or "which cannot change with itself."
 
 
-def _pair(what: str, bounds: Any) -> tuple[float, float]:
+def _over_time(what: str, given: Any) -> tuple[tuple[float, float], tuple[tuple[float, ...]]]:
+    """Bounds and nodes of a curve in time."""
+    if not isinstance(given, Mapping) or set(given) != {"bounds", "nodes"}:
+        raise ModelError(
+            f"{what} is {given!r}; it is a curve in time, so write bounds and nodes (s), "
+            "as in { bounds = [-1, 1], nodes = { from = 0, to = 600, count = 20 } }."
+        )
+    return pair_of(f"{what}: bounds", given["bounds"], "where to look for its values"), (read_nodes(f"{what}: nodes", given["nodes"]),)
+
+
+def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") -> tuple[float, float]:
+    """(low, high) as a study file or a call gives them. Raises ModelError, which says `what` they are of, for anything else."""
     pair = tuple(bounds) if isinstance(bounds, list | tuple) else ()
     if len(pair) != 2 or not all(isinstance(b, int | float) and not isinstance(b, bool) for b in pair) or not pair[0] < pair[1]:
-        raise ModelError(f"{what} is {bounds!r}; write the bounds of its parameter, as in [0, 1].")
+        raise ModelError(f"{what} is {bounds!r}; write {meant}, as in [0, 1].")
     return float(pair[0]), float(pair[1])

@@ -11,13 +11,15 @@ class Kind(NamedTuple):
     """An addition: what it is made to (a field of `Model`), how, and its sentence with the signal as {}.
 
     `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these bounds (low, high). Of
-    "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it, as in "creep" for creep_SIGNAL.
+    "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it, as in "creep" for creep_SIGNAL. One that is
+    `over_time` is a table, whose nodes (n,) s are given to `make` behind the name.
     """
 
     to: Literal["inputs", "outputs", "states", "changes"]
-    make: Callable[[Model, str, tuple[float, float], str], Model]
+    make: Callable[..., Model]
     sentence: str
     beside: tuple[str, ...] = ()
+    over_time: bool = False
 
     def signals(self, model: Model) -> tuple[str, ...]:
         """What it can be made to in a model."""
@@ -38,6 +40,7 @@ KINDS: dict[str, Kind] = {
     "sensor_lag": Kind("outputs", outputs.sensor_lag, "the sensor of {} is a lag of first order"),
     "offset": Kind("outputs", outputs.offset, "the sensor of {} has an offset"),
     "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),
+    "slow_drift": Kind("outputs", outputs.slow_drift, "the sensor of {} drifts along a curve in time", over_time=True),
     "sensor_high": Kind("outputs", outputs.sensor_high, "the sensor of {} ends above"),
     "sensor_low": Kind("outputs", outputs.sensor_low, "the sensor of {} ends below"),
 }

@@ -3,8 +3,9 @@
 from typing import Any
 
 from plantfit import units
-from plantfit.models.extensions.wiring import declared, first_channels, per, rewired
+from plantfit.models.extensions.wiring import declared, first_channels, per, rewired, without
 from plantfit.models.model import Model, Named
+from plantfit.models.parts.tables import Table
 
 import jax.numpy as jnp
 
@@ -47,6 +48,29 @@ def drift(model: Model, y: str, bounds: Bounds, name: str) -> Model:
     """The sensor shows y and a straight line in time, zero at t = 0."""
     unit = per(units.difference_of(model.outputs[y]), "/s")
     return _shown(model, y, name, unit, bounds, lambda v, c, p: v + p[name] * c["t"], f"drift of the sensor of {y}")
+
+
+def slow_drift(model: Model, y: str, bounds: Bounds, name: str, nodes: tuple[float, ...]) -> Model:
+    """The sensor shows y and a curve in time through `nodes` (n,) s: straight lines between them, level outside."""
+    unit, begin, output = units.difference_of(model.outputs[y]), model.initial_state, model.output
+    curve = Table(name, ("t",), (nodes,), unit)
+
+    def others(p: Named) -> dict[str, Any]:
+        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
+
+    def shown(x: Named, c: Named, p: Named) -> Named:
+        own = output(x, c, others(p))
+        return {**own, y: own[y] + curve(p[name], c["t"])}
+
+    return rewired(
+        model,
+        lambda x, c, p: (x, c),
+        values=lambda x, c, p: others(p),
+        output=shown,
+        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
+        parameters=declared(model, name, unit, bounds, f"slow drift of the sensor of {y}", shape=curve.shape),
+        tables=(*model.tables, curve),
+    )
 
 
 def sensor_high(model: Model, y: str, bounds: Bounds, name: str) -> Model:

@@ -8,6 +8,7 @@ import numpy as np
 
 from plantfit.errors import ModelError
 from plantfit.models.extensions.changes import WITH
+from plantfit.models.extensions.extended import pair_of
 from plantfit.models.extensions.kinds import parameter_name
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Declared
@@ -132,14 +133,10 @@ def with_terms(model: LinearModel, given: Mapping[str, Mapping[str, tuple[float,
                 f"It takes {', '.join(TERMS)}."
             )
         for text, bounds in own.items():
-            place, pair, name = _place(model, kind, text), tuple(bounds), next(names)
-            if len(pair) != 2 or not pair[0] < pair[1]:
-                raise ModelError(
-                    f"Model {model.name!r}: {kind} of {text!r} is {bounds!r}; write the bounds of its parameter, as in [0, 1]."
-                )
+            place, pair, name = _place(model, kind, text), pair_of(f"Model {model.name!r}: {kind} of {text!r}", bounds), next(names)
             added[name] = TERMS[kind], place
             sentence = TERMS[kind].sentence.format(place.pair)
-            more.append(Declared(name, unit_of_term(model, kind, place), (float(pair[0]), float(pair[1])), sentence=sentence))
+            more.append(Declared(name, unit_of_term(model, kind, place), pair, sentence=sentence))
     own_base = model.base
 
     def regressor(signals: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -34,7 +34,8 @@ def operating_points(problem: Problem, values: Any) -> dict[str, dict[str, np.nd
 def _drives(problem: Problem) -> dict[str, tuple[Any, int]]:
     """The drives of the fitted parts and their samples n; moving records held on to the length of the longest share one program."""
     drives = problem.data["drive"]
-    moving = {n: len(d.t) for n, d in drives.items() if isinstance(d, Drive)}
+    # a drive has other times between its samples, as those of nodes in time
+    moving = {n: len(d.t if d.samples is None else d.samples) for n, d in drives.items() if isinstance(d, Drive)}
     most = max(moving.values(), default=0)
     made = {}
     for name, drive in drives.items():

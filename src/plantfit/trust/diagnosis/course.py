@@ -11,8 +11,10 @@ from plantfit.trust.diagnosis.catalogue import Extension, inside_kinds
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, times_noise, unseen, validated
 from plantfit.trust.diagnosis.outliers import Outliers, outliers_of, outlying
 from plantfit.trust.diagnosis.plant.carrier import Carrier
+from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting
 from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, promising, refitted, tried
 
 RIVALS = 3  # of an earlier finding that are tried in its place
@@ -33,7 +35,8 @@ class Diagnosis:
     `dropped` were found first, and explain nothing beside what was found later; `exchanged` are pairs of what was found first and what fits
     better in its place then. `evaluations` of the cost were spent. It is `whole` where
     the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found. `disturbed` is
-    the fit beside a disturbance that wanders, where what the model or what was found leaves is one."""
+    the fit beside a disturbance that wanders, where what the model or what was found leaves is one, `drifting` that beside slow drifts;
+    `curves` are for the study file, of what wanders or drifts or of what was asked for."""
 
     carrier: Carrier
     base: Fitted
@@ -47,6 +50,14 @@ class Diagnosis:
     exchanged: tuple[tuple[Extension, Extension], ...] = ()
     surpassed: bool = False
     disturbed: Disturbed | None = None
+    drifting: Drifting | None = None
+    curves: tuple[Curve, ...] = ()
+
+    @property
+    def beside(self) -> tuple[Extension, ...] | None:
+        """What of all that was found is needed beside a disturbance or a drift; None where there is neither."""
+        told = self.disturbed or self.drifting
+        return None if told is None else told.additions
 
     @property
     def end(self) -> Fitted:

@@ -10,7 +10,8 @@ class Stopped(Exception):
 
 @dataclass
 class Meter:
-    """`spent` and at most `limit` evaluations of the cost. `stop` is asked before each simulation; True ends the diagnosis.
+    """`spent` and at most `limit` evaluations of the cost. `stop` is asked before each simulation; True ends the diagnosis, with `Stopped`
+    or, where it `winds_up`, as if no more work were allowed: what was tried is kept.
 
     Work is counted and not timed, so that the same answer gives the same diagnosis on every machine.
     """
@@ -18,13 +19,19 @@ class Meter:
     limit: float = float("inf")
     stop: Callable[[], bool] | None = None
     spent: float = 0.0
+    winds_up: bool = False
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the end was asked for."""
+        return self.stop is not None and self.stop()
 
     def charge(self, evaluations: float) -> None:
         """Count work that is about to be done. Raises Stopped where the end was asked for."""
-        if self.stop is not None and self.stop():
+        if self.stopped and not self.winds_up:
             raise Stopped
         self.spent += evaluations
 
     def holds(self, evaluations: float, share: float = 1.0, since: float = 0.0) -> bool:
         """Whether so many more evaluations stay within a share of what was left when `since` were spent."""
-        return self.spent + evaluations - since <= share * (self.limit - since)
+        return not self.stopped and self.spent + evaluations - since <= share * (self.limit - since)

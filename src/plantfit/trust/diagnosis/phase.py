@@ -18,6 +18,7 @@ from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
+from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
 from plantfit.trust.verdict.fit import noise_rows
@@ -49,22 +50,17 @@ def with_diagnosis(
 ) -> Findings:
     """The findings of an answer with section "diagnosis" and the verdict that goes with it.
 
-    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated; of a regression, which is
-    treated with `whole` only, they say how. The work is about
+    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The work is about
     twice the evaluations that `runs` spent, or those that simulate two million samples if that is more, and none for problems of over
     60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings say. `stop` ends it, and the findings then say
     so. `linear` as in `diagnosis_record`, `regression` as in `diagnose`. Raises ModelError only with `whole`, for a model that is neither
     simulated over time nor a regression.
     """
-    linear_model = isinstance(problem.model, LinearModel)
-    if not whole and not (asked_for(findings) and (linear_model or treatable(problem))):
+    if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
-    if linear_model and not whole:  # its signals may have to be read again
-        text = f"What may be missing in this regression was not tried; {command} does it."
-        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     if not whole and (problem.space.dimension > MOST or count > LONGEST):
         size = f"{problem.space.dimension} parameters on {count} samples"
         text = f"What may be missing was not tried, as {size} take long; {command} does it."
@@ -106,10 +102,10 @@ def _command(findings: Mapping[str, Any]) -> str:
 
 def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
     """The command that fits the model with what was found; "" without a study file."""
-    file = study_file(findings)
-    if not file or not found.found:
+    file, changes = study_file(findings), changed(found)
+    if not file or not changes:
         return ""
-    return " ".join(["plantfit run", shlex.quote(file), *(f'--try "{t.extension.name}"' for t in found.found)])
+    return " ".join(["plantfit run", shlex.quote(file), *(f'--try "{c.name}"' for c in changes)])
 
 
 def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:

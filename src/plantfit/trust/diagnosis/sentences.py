@@ -11,13 +11,15 @@ from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.diagnose import SOME, STRONG, Diagnosis
+from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
 from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting
+from plantfit.trust.diagnosis.plant.unmeasured import SOME
 from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed
-from plantfit.trust.verdict.words import Sentence, estimate, number, say, with_unit
+from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
 from plantfit.units import difference_of
 
 MORE = 1.5  # times that noise: what was found is not all, or stands for something else
@@ -50,6 +52,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
         "wandering": _wandering(diagnosis),
+        "drifting": _drifting(diagnosis),
     }
 
 
@@ -89,6 +92,11 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                 )
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
+    if d.carrier.meter.stopped and d.rounds:
+        first = d.rounds[0]
+        tried, every = len(first.trials), len(first.trials) + len(first.untried)
+        some_of = f"{tried} of {every} additions to the model were" if first.untried else "What stands alone was"
+        yield say("info", f"It was stopped: {some_of} tried until then.", tried=tried)
     for e in d.dropped:
         text = f"{e.article} {e.name}".strip()
         yield say(
@@ -98,15 +106,20 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         first, better = (f"{e.article} {e.name}".strip() for e in (old, new))
         text = f"{first[0].upper()}{first[1:]} was found first; beside what was found later {better[0].lower()}{better[1:]} fits better"
         yield say("info", f"{text} in its place.")
-    if not d.found:
+    if not d.found and d.rounds:
         yield _nothing(d, alone)
-    last = d.rounds[-1]
-    if d.found and not last.found and last.trials:
+    last = d.rounds[-1] if d.rounds else None
+    if d.found and last and not last.found and last.trials:
         yield say("info", f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.", explained=_best(last))
-    if alone or d.found:
+    asked = bool(d.curves) and d.beside is None
+    if (alone or d.found) and not asked:
         yield from _left(d)
+    if asked:
+        yield say("info", f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: a curve in time, as smooth as the data ask for.")
     if d.disturbed is not None and not d.surpassed:
         yield _wanders(d, d.disturbed)
+    if d.drifting is not None and not d.surpassed:
+        yield _drifts(d, d.drifting)
 
 
 def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "possibly"] | None:
@@ -116,8 +129,8 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     best = max(one.found, key=lambda t: t.explained)
     sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
     much = _stands_for_more(d)
-    if d.disturbed is not None and len(d.disturbed.additions) < len(d.end.additions):
-        return "possibly"  # a disturbance does without it
+    if d.beside is not None and len(d.beside) < len(d.end.additions):
+        return "possibly"  # a disturbance or a drift does without it
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
@@ -160,7 +173,7 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
         text += ", and none of it is more than chance or holds on unseen data"
-    good = alone and best < 0.05 and not d.surpassed and not _much_left(d) and d.disturbed is None
+    good = alone and best < 0.05 and not d.surpassed and not _much_left(d) and d.beside is None
     return say("good" if good else "info", text + ".", explained=best)
 
 
@@ -171,7 +184,7 @@ def _best(one: Round) -> float:
 def _left(d: Diagnosis) -> Iterator[Sentence]:
     """Whether more than noise is left after all that was found."""
     for output, times in _much_left(d).items():
-        if d.disturbed is not None and not d.surpassed:
+        if d.beside is not None and not d.surpassed:
             continue  # it is told what that is
         yield say(
             "warning",
@@ -195,14 +208,36 @@ def _wanders(d: Diagnosis, found: Disturbed) -> Sentence:
         f"{_percent(walk.explains)} of it, and it follows no input: something that is not measured acts on {y}"
         f"{', and nothing else need be missing' if alone else ''}."
     )
-    shown = [r for r in _disturbed_values(d, found) if r["name"] in given.space.names][:MOST_VALUES]
-    if shown:
-        each = [estimate(r) for r in shown]
-        text += f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
-    return say("warning", text, explained=walk.explains)
+    return say("warning", text + _allowed_for(d, found), explained=walk.explains)
 
 
-def _disturbed_values(d: Diagnosis, found: Disturbed) -> list[dict[str, Any]]:
+def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
+    """Slow drifts of outputs, and the parameters beside them."""
+    alone, ys = len(found.additions) < len(d.end.additions), [s.output for s in found.drifts]
+    units = d.carrier.given.model.outputs
+    moved = [
+        f"{f'{y} ' if len(ys) > 1 else ''}by up to {with_unit(s.moves, plain_unit(difference_of(units[y])))}"
+        for y, s in zip(ys, found.drifts, strict=True)
+    ]
+    of = f"The residual of {some(ys)} as the model is" if alone else f"What is left of {some(ys)}"
+    text = (
+        f"{of} drifts slowly, {some(moved)}, more slowly than the inputs move the plant: a curve in time accounts for "
+        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a sensor drifts"
+        f"{', and nothing else need be missing' if alone else ''}."
+    )
+    return say("warning", text + _allowed_for(d, found), explained=found.explains)
+
+
+def _allowed_for(d: Diagnosis, found: Disturbed | Drifting) -> str:
+    """The parameters beside it."""
+    shown = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names][:MOST_VALUES]
+    if not shown:
+        return ""
+    each = [estimate(r) for r in shown]
+    return f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
+
+
+def _values_beside(d: Diagnosis, found: Disturbed | Drifting) -> list[dict[str, Any]]:
     units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
     units |= {a.parameter: a.unit for a in found.additions}
     return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
@@ -213,10 +248,23 @@ def _wandering(d: Diagnosis) -> dict[str, Any] | None:
     if found is None:
         return None
     unit = plain_unit(difference_of(d.carrier.given.model.outputs[found.output]))
-    walk, values = found.walk, [records.ValueBeside(**v) for v in _disturbed_values(d, found)]
+    walk, values = found.walk, [records.ValueBeside(**v) for v in _values_beside(d, found)]
     return records.Wandering(
         output=found.output, unit=unit, steps=walk.steps, period=found.period, noise=walk.noise, explained=walk.explains, values=values,
     ).plain()  # fmt: skip
+
+
+def _drifting(d: Diagnosis) -> dict[str, Any] | None:
+    found = d.drifting
+    if found is None:
+        return None
+    units = d.carrier.given.model.outputs
+    outputs = [
+        records.SlowDrift(output=s.output, unit=plain_unit(difference_of(units[s.output])), splines=s.count, moves=s.moves)
+        for s in found.drifts
+    ]
+    values = [records.ValueBeside(**v) for v in _values_beside(d, found)]
+    return records.Drifting(outputs=outputs, explained=found.explains, values=values).plain()
 
 
 def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:

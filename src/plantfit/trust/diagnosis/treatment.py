@@ -7,6 +7,7 @@ from plantfit.models.extensions import KINDS, parameter_name
 from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis
 from plantfit.trust.diagnosis.plant.carrier import FASTEST, SLOWEST
+from plantfit.trust.diagnosis.plant.curves import KIND, Curve
 from plantfit.trust.diagnosis.plant.hypothesis import speed_places
 from plantfit.trust.diagnosis.ranges import rounded
 from plantfit.trust.diagnosis.rounds import Trial
@@ -14,12 +15,13 @@ from plantfit.trust.diagnosis.rounds import Trial
 
 @dataclass(frozen=True)
 class Change:
-    """An addition for the study file: kind and signal of [model.extensions], bounds of its parameter and where to begin.
+    """An addition for the study file: its `name`, kind and signal of [model.extensions], bounds of its parameter and where to begin.
 
     `values` are parameters that come with it, `ranges` those of them that are fitted (low, high, start); with `per_recording` every
-    recording has its own value.
+    recording has its own value. A curve in time has `nodes` (from, to in s, count), and its bends are kept small.
     """
 
+    name: str
     kind: str
     signal: str
     parameter: str
@@ -28,11 +30,27 @@ class Change:
     values: tuple[tuple[str, float], ...] = ()
     ranges: tuple[tuple[str, tuple[float, float, float]], ...] = ()
     per_recording: bool = False
+    nodes: tuple[float, float, int] | None = None
+
+
+SMOOTH = "reml"  # of curves in time
 
 
 def changed(diagnosis: Diagnosis) -> list[Change]:
-    """The changes of all rounds; of those that explain alike the first."""
-    return [change_of(diagnosis, t) for t in diagnosis.found]
+    """The changes of all rounds, of those that explain alike the first, and a curve for what wanders beside them or in their place."""
+    beside = diagnosis.beside
+    trials = [t for t in diagnosis.found if beside is None or t.extension in beside]
+    return [*(change_of(diagnosis, t) for t in trials), *map(_of_curve, diagnosis.curves)]
+
+
+def asked_changes(diagnosis: Diagnosis) -> list[Change]:
+    """Those that were asked for, whatever they explain."""
+    return [*(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials), *map(_of_curve, diagnosis.curves)]
+
+
+def _of_curve(c: Curve) -> Change:
+    low, high = (rounded(b) for b in c.bounds)
+    return Change(c.name, KIND, c.output, c.parameter, (low, high), 0.0, per_recording=c.several, nodes=(c.begin, c.end, c.count))
 
 
 def change_of(diagnosis: Diagnosis, trial: Trial) -> Change:
@@ -47,7 +65,8 @@ def change_of(diagnosis: Diagnosis, trial: Trial) -> Change:
         speed, spread = rounded(float(trial.at.x[place])), carrier.speeds[e.kind, e.signal][1]
         ranges.append((carrier.names[place], (rounded(SLOWEST * spread), rounded(FASTEST * spread), speed)))
     several = isinstance(e.candidate, Inside) and e.candidate.per_recording and len(diagnosis.carrier.given.experiments) > 1
-    return Change(e.kind, e.signal, e.parameter, (low, high), min(max(rounded(value), low), high), tuple(values), tuple(ranges), several)
+    start = min(max(rounded(value), low), high)
+    return Change(e.name, e.kind, e.signal, e.parameter, (low, high), start, tuple(values), tuple(ranges), several)
 
 
 def addition_lines(changes: Sequence[Change]) -> list[str]:
@@ -57,14 +76,23 @@ def addition_lines(changes: Sequence[Change]) -> list[str]:
     kinds: dict[str, list[str]] = {}
     for c in changes:
         signal = c.signal if c.signal.isidentifier() else f'"{c.signal}"'
-        kinds.setdefault(c.kind, []).append(f"{signal} = [{c.bounds[0]:g}, {c.bounds[1]:g}]")
+        kinds.setdefault(c.kind, []).append(f"{signal} = {_bounds(c)}")
     lines = ["[model.extensions]", *(f"{kind} = {{ {', '.join(own)} }}" for kind, own in kinds.items())]
     values = {name: value for c in changes for name, value in c.values}
     for c in changes:
         lines += [f"[parameters.{c.parameter}]", f"start = {c.start:g}"]
         lines += ["per_recording = true"] if c.per_recording else []
+        lines += [f'smooth = "{SMOOTH}"'] if c.nodes else []
         for name, (low, high, start) in c.ranges:
             lines += [f"[parameters.{name}]", f"bounds = [{low:g}, {high:g}]", f"start = {start:g}"]
     for name, value in values.items():
         lines += [f"[parameters.{name}]", f"value = {value:g}"]
     return lines
+
+
+def _bounds(c: Change) -> str:
+    pair = f"[{c.bounds[0]:g}, {c.bounds[1]:g}]"
+    if c.nodes is None:
+        return pair
+    begin, end, count = c.nodes
+    return f"{{ bounds = {pair}, nodes = {{ from = {begin:.6g}, to = {end:.6g}, count = {count} }} }}"

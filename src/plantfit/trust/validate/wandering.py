@@ -29,6 +29,14 @@ class Wandering:
     noise: float
     explains: float
 
+    @property
+    def gain(self) -> float:
+        """The share of an innovation by which the level moves: q = gain^2/(1 - gain), q = (steps/noise)^2."""
+        if self.noise == 0:
+            return 1.0
+        q = (self.steps / self.noise) ** 2
+        return float((np.sqrt(q * q + 4.0 * q) - q) / 2.0)
+
     def moves(self, samples: float) -> float:
         """Standard deviation of what the walk moves by in so many samples."""
         return self.steps * float(np.sqrt(samples))
@@ -148,19 +156,26 @@ def _follows(best: Whitened, inputs: Sequence[Mapping[str, np.ndarray]]) -> bool
     """Whether innovations follow the changes of an input or its square, filtered by lags of some memories."""
     if not inputs[0]:
         return False
-    a = np.concatenate([np.column_stack([c for u in own.values() for c in _answers(u)])[1:] for own in inputs])
-    a = a - best.known @ (best.known.T @ a)
+    a = np.concatenate([np.column_stack([c for u in own.values() for c in answers(u)])[1:] for own in inputs])
+    return followed(best.innovations, best.known, a) < ALONE
+
+
+def followed(left: np.ndarray, known: np.ndarray, told: np.ndarray) -> float:
+    """The chance (F test) with which residuals (n,) follow columns `told` (n, q) as they do, beside an orthonormal base `known` (n, k) that
+    they do not have any more."""
+    a = told - known @ (known.T @ told)
     size = np.linalg.norm(a, axis=0)
-    a = a[:, size > 0] / size[size > 0]
+    a = a[:, size > 1e-9 * np.max(np.linalg.norm(told, axis=0), initial=0.0)]
     if not a.shape[1]:
-        return False
-    q, s, _ = np.linalg.svd(a, full_matrices=False)
+        return 1.0
+    q, s, _ = np.linalg.svd(a / np.linalg.norm(a, axis=0), full_matrices=False)
     q = q[:, s > 1e-6 * s[0]]
-    told, k, n = float(np.sum((q.T @ best.innovations) ** 2)), q.shape[1], len(a) - best.known.shape[1]
-    return bool(fdtrc(k, n - k, told / k / (best.square - told) * (n - k)) < ALONE)
+    square, k, n = float(np.sum((q.T @ left) ** 2)), q.shape[1], len(a) - known.shape[1]
+    return float(fdtrc(k, n - k, square / k / (float(left @ left) - square) * (n - k))) if n > k else 1.0
 
 
-def _answers(u: np.ndarray) -> list[np.ndarray]:
+def answers(u: np.ndarray) -> list[np.ndarray]:
+    """How an output that the model lacks may answer to an input (n,): its changes and those of its square, dying out over some memories."""
     found = []
     for w in (u, (u - np.mean(u)) ** 2):
         step = np.r_[0.0, np.diff(w)]

@@ -134,10 +134,16 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
-    words = _but(findings, row) if level == "good" else None
+    words = _but(findings, row) if level == "good" else _drift_ends(findings, row)
     level = "warning" if words else level
     text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
+
+
+def _drift_ends(findings: Findings, row: Row) -> str | None:
+    """What is to be said of an output whose slow drift is fitted: beyond the nodes nobody knows it."""
+    drifts = any(t["name"] == f"slow_drift_{row['output']}" and t["over"] == ["t"] for t in findings.get("tables") or ())
+    return "the curve of its slow drift is level there, since a drift cannot be foretold" if drifts else None
 
 
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name
 from plantfit.cli.commands.judging.check import say_looks
+from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line, said_line, verdict
 from plantfit.errors import SpecError
 
 if TYPE_CHECKING:
     from plantfit.spec.study import Study
-    from plantfit.trust.diagnosis import Diagnosis, Trial
+    from plantfit.trust.diagnosis import Change, Diagnosis
 
 SHOWN = 12  # rows of the table of what was tried
 
@@ -45,8 +46,8 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
         out.print(f"    [recording.{name}]\n    clean = {_toml(steps)}", markup=False)
     if "rmse" in written:
         unseen = "" if written["unseen_rmse"] is None else f", {written['unseen_rmse']:.4g} on unseen data"
-        values = ", ".join(f"{n} = {v:.4g}" for n, v in written["values"].items())
-        out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{unseen}; {values}", markup=False)
+        values = "".join(f"{', ' if k else '; '}{n} = {v:.4g}" for k, (n, v) in enumerate(written["values"].items()))
+        out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{unseen}{values}", markup=False)
     out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
 
 
@@ -66,12 +67,14 @@ def added(path: str, names: Sequence[str], json: bool) -> Path:
     """The study file with these additions, written beside `path` as `plantfit diagnose --try` does; one that is there is kept if it says
     the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file in its place."""
     from plantfit import spec
+    from plantfit.trust.diagnosis import asked_changes
 
     study = spec.load(path)
     found = _tried(study, names, json)
     if not all(r.trials for r in found.rounds):
         raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
-    text, target = _text(study, found, _all(found), _steps(found)), _target(study, _all(found), bool(_steps(found)))
+    changes = asked_changes(found)
+    text, target = _text(study, changes, _steps(found)), _target(study, changes, bool(_steps(found)))
     if not target.exists():
         _write(target, text)
     elif target.read_text(encoding="utf-8", errors="replace") != text:
@@ -84,52 +87,51 @@ def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
     """Fit a study and try additions: those asked for, which are looked up before the fit, else all."""
     from plantfit.fitting import fit
     from plantfit.spec import before_filter
+    from plantfit.trust.diagnosis import Meter
     from plantfit.trust.diagnosis.diagnose import additions, chosen, demand_treatable
     from plantfit.trust.diagnosis.diagnose import diagnose as tried
 
     search, regression = study.plan, before_filter(study)
     demand_treatable(study.problem)
     if only:
-        chosen(additions(study.problem, regression), only)
+        chosen(study.problem, additions(study.problem, regression), only)
     with progress_line(json) as tell:
         answer = fit(
             study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
             settings=search.settings.get(search.methods[0]), shooting=study.table.search.shooting, progress=tell,
         )  # fmt: skip
-    with said_line(json) as say:
-        return tried(answer.problem, answer.best.x, progress=say, only=only or None, regression=regression)
-
-
-def _all(found: "Diagnosis") -> "tuple[Trial, ...]":
-    """The best of every round, whatever it explains: of additions that were asked for all."""
-    return tuple(r.trials[0] for r in found.rounds if r.trials)
+    with said_line(json) as say, stoppable("Stopping; what was tried until now is told. Ctrl-C again stops at once.") as stop:
+        meter = Meter(stop=stop, winds_up=True)
+        return tried(answer.problem, answer.best.x, progress=say, only=only or None, regression=regression, meter=meter)
 
 
 def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool, only: Sequence[str]) -> dict[str, Any]:
     """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
     from plantfit.spec import parse
-    from plantfit.trust.diagnosis import change_of
+    from plantfit.trust.diagnosis import asked_changes, changed
     from plantfit.trust.diagnosis.treatment import addition_lines
 
-    trials, clean = _all(found) if only else found.found, _steps(found)
-    if not trials and not clean:
+    changes, clean = asked_changes(found) if only else changed(found), _steps(found)
+    if not changes and not clean:
         return {}
-    target = Path(place) if place else _target(study, trials, bool(clean))
+    target = Path(place) if place else _target(study, changes, bool(clean))
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
-    text = _text(study, found, trials, clean)
+    text = _text(study, changes, clean)
     _write(target, text)
-    lines = addition_lines([change_of(found, t) for t in trials])
-    return {"write": lines, "file": shown(target), "clean": {n: s for n, s in clean.items()}, **_fitted(parse(text, study.path), found)}
+    return {
+        "write": addition_lines(changes),
+        "file": shown(target),
+        "clean": dict(clean),
+        **_fitted(parse(text, study.path), found),
+    }
 
 
-def _text(study: "Study", found: "Diagnosis", trials: "tuple[Trial, ...]", clean: Mapping[str, Any]) -> str:
+def _text(study: "Study", changes: "Sequence[Change]", clean: Mapping[str, Any]) -> str:
     """The changed study file; its name says what was added, so that its report and its study do not take the place of the first."""
     from plantfit.spec import with_additions
-    from plantfit.trust.diagnosis import change_of
 
-    name = f"{study.name} with {' and '.join(_parts(trials, bool(clean)))}"
-    return with_additions(study.text, study.path, [change_of(found, t) for t in trials], clean, name)
+    return with_additions(study.text, study.path, changes, clean, f"{study.name} with {' and '.join(_parts(changes, bool(clean)))}")
 
 
 def _write(target: Path, text: str) -> None:
@@ -156,13 +158,13 @@ def _steps(found: "Diagnosis") -> dict[str, list[dict[str, Any]]]:
     return steps
 
 
-def _target(study: "Study", trials: "tuple[Trial, ...]", clean: bool) -> Path:
-    parts = "-and-".join(re.sub(r"\W+", "-", part) for part in _parts(trials, clean))
+def _target(study: "Study", changes: "Sequence[Change]", clean: bool) -> Path:
+    parts = "-and-".join(re.sub(r"\W+", "-", part) for part in _parts(changes, clean))
     return study.path.with_name(f"{Path(file_name(study.name, 'toml')).stem}-with-{parts}.toml")
 
 
-def _parts(trials: "tuple[Trial, ...]", clean: bool) -> list[str]:
-    return [t.extension.name for t in trials] + (["outliers dropped"] if clean else [])
+def _parts(changes: "Sequence[Change]", clean: bool) -> list[str]:
+    return [c.name for c in changes] + (["outliers dropped"] if clean else [])
 
 
 def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
@@ -171,12 +173,16 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
 
     from plantfit.problem.accuracy.steps import choose_substeps
     from plantfit.trust.finish.refit import refit
+    from plantfit.trust.finish.smoothing_strength import choose_strengths
 
     scales = found.carrier.given.scales  # of several outputs those that the fit estimated, or figures could not be compared
     problem, known = choose_substeps(study.problem).with_scales(scales), found.answer_values()
     values = np.array([known.get(n, c) for n, c in zip(problem.space.names, _middle(problem), strict=True)])
     start = np.clip(np.asarray(problem.space.cube(values)), 0.0, 1.0)
     z, _ = refit(problem, start, np.ones(len(start), dtype=bool))
+    if problem.smoothing is not None:
+        chosen = choose_strengths(problem, z)
+        problem, z = chosen.problem, chosen.z
     at = np.asarray(problem.space.physical(z))
     squares: dict[str, list[np.ndarray]] = {"fit": [], "validation": []}
     one = len(problem.outputs) == 1
@@ -188,7 +194,8 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
                 own.append(error[e.mask(part) & np.isfinite(error)] ** 2)
     rmse = {part: float(np.sqrt(np.mean(np.concatenate(own)))) if sum(map(len, own)) else None for part, own in squares.items()}
     old = set(found.carrier.given.space.names)
-    new = {n: float(v) for n, v in zip(problem.space.names, at, strict=True) if n not in old}
+    own = zip(problem.space.coordinates, at, strict=True)
+    new = {c.name: float(v) for c, v in own if c.name not in old and not c.index}  # of a curve in time there are many
     return {"rmse": rmse["fit"], "unseen_rmse": rmse["validation"], "values": new}
 
 
@@ -209,8 +216,9 @@ def _table(record: Mapping[str, Any]) -> None:
     from plantfit.report.text import columns
     from plantfit.trust.diagnosis.sentences import plain_unit
 
-    first = record["rounds"][0]
-    rows = []
+    if not record["rounds"]:  # a curve in time alone was asked for
+        return
+    first, rows = record["rounds"][0], []
     for row in first["tried"][:SHOWN]:
         unseen = "" if row["unseen_rmse"] is None else f"{row['unseen_rmse']:.4g} to {row['unseen_rmse_with']:.4g}"
         mark = " *" if row["name"] in first["found"] else ""

@@ -95,7 +95,7 @@ class Carrier:
         assert isinstance(model, Model)
         many = len(problem.experiments) > 1
         bounds = {k: {s: (-1.0, 1.0) for s in states} for k, states in kinds.items() if states}
-        changes: dict[str, Parameter] = dict(problem.space.parameters)
+        changes: dict[str, Parameter] = {n: replace(p, smooth=None) for n, p in problem.space.parameters.items()}
         had = {p.name for p in model.parameters}
         fixed: dict[str, float] = {}
         speeds: dict[tuple[str, str], float] = {}

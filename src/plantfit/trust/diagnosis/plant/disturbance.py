@@ -70,7 +70,7 @@ def disturbed(carrier: Carrier, one: Fitted, use: np.ndarray) -> Disturbed | Non
     walk = wandering(left, best)
     if walk is None:
         return None
-    values = {} if pressed else _values(carrier, one, point, free, best.standard_errors)
+    values = {} if pressed else values_beside(carrier, one.additions, point, free, best.standard_errors)
     return Disturbed(carrier.given.outputs[0], one.additions, walk, float(np.median(_steps(carrier))), values)
 
 
@@ -124,11 +124,15 @@ def _left(carrier: Carrier, residuals: np.ndarray, jacobian: np.ndarray, use: np
     return usable(found)
 
 
-def _values(carrier: Carrier, one: Fitted, point: np.ndarray, free: np.ndarray, errors: np.ndarray) -> dict[str, tuple[float, float]]:
+def values_beside(
+    carrier: Carrier, additions: tuple[Extension, ...], point: np.ndarray, free: np.ndarray, errors: np.ndarray
+) -> dict[str, tuple[float, float]]:
+    """By coordinate its value at a point (d + k,) and its standard error, in their units, from those (f,) of the `free` coordinates (f,);
+    none where that is infinite."""
     space, own = carrier.given.space, carrier.own
     sizes = np.asarray(space.slopes(point[:own])) * errors[:own]
     found = dict(zip(space.names, zip(np.asarray(space.physical(point[:own])), np.abs(sizes), strict=True), strict=True))
-    for k, a in enumerate(one.additions):
+    for k, a in enumerate(additions):
         place = columns(carrier, [a])[-1] if a.place == "inside" else len(carrier.names) + k
         found[a.parameter] = point[place], errors[list(free).index(place)]
     return {n: (float(v), float(e)) for n, (v, e) in found.items() if np.isfinite(e)}

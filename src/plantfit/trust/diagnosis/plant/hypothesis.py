@@ -171,8 +171,12 @@ def limits(carrier: Carrier, additions: Sequence[Extension]) -> tuple[np.ndarray
     return low, high
 
 
-def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30) -> Fitted:
-    """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps.
+def fitted(
+    carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30,
+    beside: np.ndarray | None = None,
+) -> Fitted:  # fmt: skip
+    """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps; `beside` is an orthonormal base (n, k) over
+    these n rows of what is fitted beside it and is not in the residuals.
 
     Damped Gauss-Newton steps; where these gain little of what they promise, they are turned along the bend of the valley by the second
     derivative along the step (geodesic acceleration; Transtrum, Machta and Sethna, Phys. Rev. E 83 (2011) 036701, section VII).
@@ -181,9 +185,13 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
     free, n = columns(carrier, additions), len(carrier.names)
     low, high = limits(carrier, additions)
     point, damping, slow, settled = np.r_[x, theta], DAMPING, False, False
+
+    def own(v: np.ndarray) -> np.ndarray:
+        return v if beside is None else v - beside @ (beside.T @ v)
+
     r, jacobian = whole(carrier, additions, point)
     for taken in range(steps):
-        a, b = jacobian[np.ix_(use, free)], r[use]
+        a, b = own(jacobian[np.ix_(use, free)]), own(r[use])
         norms, cost = lengths(a), float(b @ b)
         if not np.isfinite(cost) or not np.all(np.isfinite(norms)):
             break
@@ -198,14 +206,14 @@ def fitted(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, thet
         if slow and taken >= STRAIGHT:
             moved = point.copy()
             moved[free] = np.clip(point[free] + AHEAD * step, low[free], high[free])
-            bend = 2.0 / AHEAD * ((residuals_at(carrier, additions, moved[:n], moved[n:])[use] - b) / AHEAD - a @ step)
+            bend = 2.0 / AHEAD * ((own(residuals_at(carrier, additions, moved[:n], moved[n:])[use]) - b) / AHEAD - a @ step)
             turn = -0.5 * (right.T @ (s_inv * (q.T @ bend))) / norms
             if np.all(np.isfinite(turn)) and np.linalg.norm(turn * norms) <= MOST_TURN * np.linalg.norm(step * norms):
                 step = step + turn
         trial = point.copy()
         trial[free] = np.clip(point[free] + step, low[free], high[free])
         r2, j2 = whole(carrier, additions, trial)
-        new = float(np.sum(r2[use] ** 2))
+        new = float(np.sum(own(r2[use]) ** 2))
         if np.isfinite(new) and new < cost:
             point, r, jacobian, damping = trial, r2, j2, max(damping / GROWTH, LEAST)
             slow = cost - new <= SLOW * promised

@@ -1,0 +1,101 @@
+"""What acts on an output and nobody measured, where more than noise is left in the end: a disturbance that wanders, or a slow drift."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from plantfit.trust.diagnosis.course import Course, Diagnosis
+from plantfit.trust.diagnosis.judge import by_output, needed, times_noise
+from plantfit.trust.diagnosis.plant.curves import curve_of
+from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
+from plantfit.trust.diagnosis.plant.hypothesis import Fitted
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting, drifting, evidence_beside_a_drift
+from plantfit.trust.diagnosis.rounds import ALIKE
+
+SOME = 1.3  # times the sample-to-sample noise: a disturbance or a linear model is looked at
+WORK = 10  # simulations with derivatives that one takes at most, about
+NODES = 2  # of straight lines for a cubic spline
+Told = Disturbed | Drifting
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A walk or a drift: whether a fit leaves one (`told`), and the evidence for what a second fit has more than a first beside it."""
+
+    says: str
+    told: Callable[[Fitted], Told | None]
+    evidence: Callable[[Fitted, Fitted], float]
+
+
+def with_unmeasured(course: Course, found: Diagnosis) -> Diagnosis:
+    """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves."""
+    meter = course.carrier.meter
+    if times_noise(course.carrier, found.end, course.apart) <= SOME or not meter.holds(WORK * course.carrier.charge(False)):
+        return found
+    for kind in _kinds(course):
+        course.say(kind.says)
+        for one in (found.base, found.end) if found.found else (found.base,):  # what wanders may look like a drift of one rate
+            told = kind.told(one)
+            if told is not None:
+                return _said(course, found, told)
+    for kind in () if found.found else _kinds(course):
+        hidden = _hidden(course, found, kind)
+        if hidden is not None:
+            return hidden
+    return found
+
+
+def curves_for(course: Course, outputs: Sequence[str], found: Diagnosis) -> Diagnosis:
+    """The diagnosis with curves in time for outputs whose drift was asked for, as dense as what wanders there asks for."""
+    if not outputs:
+        return found
+    walk = disturbed(course.carrier, course.base, course.use)
+    return replace(found, curves=tuple(curve_of(course.carrier.given, y, walk and walk.walk) for y in outputs))
+
+
+def _kinds(course: Course) -> tuple[Kind, Kind]:
+    carrier, use = course.carrier, course.use
+
+    def outputs(one: Fitted) -> list[str]:
+        if not carrier.given.predictor.has_steps:
+            return []
+        return [y for y, times in by_output(carrier, one, course.apart).items() if times > SOME]
+
+    return (
+        Kind(
+            "fitting with a disturbance that wanders",
+            lambda one: disturbed(carrier, one, use),
+            lambda base, one: evidence_beside_a_walk(carrier, base, one, use),
+        ),
+        Kind(
+            "fitting with a slow drift",
+            lambda one: drifting(carrier, one, outputs(one), use),
+            lambda base, one: evidence_beside_a_drift(carrier, base, one, outputs(base), use),
+        ),
+    )
+
+
+def _said(course: Course, found: Diagnosis, told: Told) -> Diagnosis:
+    given = course.carrier.given
+    if isinstance(told, Disturbed):
+        return replace(found, disturbed=told, curves=(curve_of(given, told.output, told.walk),))
+    return replace(found, drifting=told, curves=tuple(curve_of(given, d.output, least=NODES * d.count) for d in told.drifts))
+
+
+def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
+    """What it had hidden: the addition with most evidence beside it, if what is then left is that."""
+    carrier, first = course.carrier, found.rounds[0]
+    tried = [(kind.evidence(first.base or found.base, t.at), k, t) for k, t in enumerate(first.trials) if t.at]
+    most, k, t = max(tried, default=(0.0, 0, None), key=lambda one: one[0])
+    if t is None or t.at is None or most < needed(len(first.trials)) or not carrier.meter.holds(WORK * carrier.charge(True)):
+        return None
+    told = kind.told(t.at)
+    if told is None:
+        return None
+    value, error = told.values.get(t.extension.parameter, (t.value, t.standard_error))
+    hidden = replace(t, value=value, standard_error=error, evidence=most)
+    alike = [other for gained, _, other in tried if other is not t and most - gained < ALIKE]
+    rounds = (replace(first, found=(hidden, *alike), trials=(*first.trials[:k], hidden, *first.trials[k + 1 :])), *found.rounds[1:])
+    return _said(course, replace(found, rounds=rounds), told)
+
+
+__all__ = ["SOME", "curves_for", "with_unmeasured"]

@@ -1,0 +1,47 @@
+"""`plantfit diagnose` that is stopped by Ctrl-C tells what was tried until then; a slow drift by `run --try`."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
+from benchmarks.diagnosis import PLANTS, write
+from cli_call import call
+
+from plantfit.trust.diagnosis import rounds
+
+
+def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
+    write(PLANTS["first"], "dead_time", 0.01, 3, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    real, tried = rounds.tried, []
+
+    def interrupted(carrier, base, e, use):
+        tried.append(e.name)
+        if e.kind == "dead_time" and len(tried) > 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return real(carrier, base, e, use)
+
+    monkeypatch.setattr(rounds, "tried", interrupted)
+    said = call(capsys, monkeypatch, "diagnose", "study.toml", "--out", "new.toml")
+    assert said.code == 0, said.err
+    assert "Stopping; what was tried until now is told." in said.err
+    assert "A dead time of" in said.out
+    assert "dead_time" in (tmp_path / "new.toml").read_text()
+    assert f"It was stopped: {len(tried)} of " in said.out
+    assert len(tried) < 12
+    assert "likely missing" not in said.out
+
+
+def test_a_slow_drift_is_added_by_run(tmp_path, capsys, monkeypatch):
+    write(PLANTS["first"], "clean", 0.01, 3, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "run", "study.toml", "--try", "slow drift of y")
+    assert said.code == 0, said.err
+    assert "slow_drift_y: smoothed" in said.out
+    assert 'smooth = "reml"' in (tmp_path / "first-with-slow-drift-of-y.toml").read_text()
+    wrong = call(capsys, monkeypatch, "run", "study.toml", "--try", "slow drift of x")
+    assert wrong.code != 0
+    assert "There is no 'slow drift of x' to try. Did you mean 'slow drift of y'" in " ".join(wrong.err.split())

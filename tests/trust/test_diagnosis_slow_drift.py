@@ -1,0 +1,139 @@
+"""A slow drift as a curve in time: told from errors of the model, written into the study file, and the parameters beside it."""
+
+import pickle
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
+
+from benchmarks.diagnosis import PLANTS, write
+
+from plantfit import Recording, Signal, fit
+from plantfit.errors import ModelError
+from plantfit.models.extensions import with_extensions
+from plantfit.models.library.process import first_order
+from plantfit.spec import load, parse, with_additions
+from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record
+
+
+def drifting_study(place, plant, seed, size=5.0, fault="clean"):
+    """A study whose output drifts by three slow sines, of `size` times the noise of 1 %, and the noise."""
+    study = load(write(PLANTS[plant], fault, 0.01, seed, place))
+    (e,), (y,) = study.problem.experiments.values(), study.problem.outputs
+    t, g, values = e.recording.t, np.random.default_rng(seed), e.recording[y]
+    noise = 0.01 * float(np.std(values))
+    drift = sum(np.sin(2 * np.pi * t / (np.ptp(t) * p) + g.uniform(0, 6.28)) for p in (0.35, 0.6, 1.1)) / np.sqrt(1.5)
+    rows = np.column_stack([t, e.recording["u"], values + size * noise * drift])
+    np.savetxt(place / "a.csv", rows, delimiter=",", header=f"t,u,{y}", comments="", fmt="%.12g")
+    return load(study.path), noise
+
+
+def test_the_curve_is_added_to_the_output_exactly():
+    nodes, values = np.array([0.0, 3.0, 4.0, 9.0]), np.array([0.0, 1.0, -2.0, 0.5])
+    plain = first_order()
+    (y,) = plain.outputs
+    made = with_extensions(plain, {"slow_drift": {y: {"bounds": [-5, 5], "nodes": nodes.tolist()}}})
+    t = np.linspace(0.0, 12.0, 241)
+    from plantfit import Problem
+
+    recording = Recording(t, {n: Signal(np.sin(t), u) for n, u in {**plain.inputs, **plain.outputs}.items()}, "a")
+    problems = [Problem(m, {"a": recording}) for m in (plain, made)]
+    free = problems[0].space.physical(np.full(problems[0].space.dimension, 0.4))
+    known = dict(zip(problems[0].space.names, np.asarray(free), strict=True))
+    known |= {f"slow_drift_{y}[{k}]": v for k, v in enumerate(values)}
+    without, with_it = (p.predict(np.array([known[n] for n in p.space.names]))[y] for p in problems)
+    np.testing.assert_allclose(with_it - without, np.interp(t, nodes, values), atol=1e-9)
+    assert pickle.loads(pickle.dumps(made)).tables == made.tables
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([-1, 1], "it is a curve in time, so write bounds and nodes (s)"),
+        ({"bounds": [-1, 1]}, "it is a curve in time, so write bounds and nodes (s)"),
+        ({"bounds": [1, -1], "nodes": [0, 1, 2]}, "bounds is [1, -1]; write where to look for its values"),
+        ({"bounds": [-1, 1], "nodes": [0, 2, 1]}, "do not increase"),
+        ({"bounds": [-1, 1], "nodes": {"from": 0, "to": 1}}, "write {from = 0, to = 20, count = 10}"),
+    ],
+)
+def test_what_is_no_curve_is_refused_in_words(given, said):
+    plain = first_order()
+    with pytest.raises(ModelError) as refused:
+        with_extensions(plain, {"slow_drift": {next(iter(plain.outputs)): given}})
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("plant", ["first", "second", "tanks"])
+def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
+    truth, told, errors, least_squares, held = PLANTS[plant].truth, 0, [], [], []
+    for seed in (1, 2, 3):
+        study, noise = drifting_study(tmp_path, plant, seed)
+        answer = fit(study.problem, budget=1500)
+        d = diagnose(answer.problem, answer.best.x)
+        if d.drifting is None:
+            continue
+        told += 1
+        record = diagnosis_record(d)
+        assert any("drifts slowly" in v["sentence"] for v in record["verdict"])
+        assert not any("nothing that was tried explains beyond" in v["sentence"] for v in record["verdict"])
+        (one,) = d.drifting.drifts
+        assert 3 * noise < one.moves < 30 * noise
+        path = tmp_path / "new.toml"
+        path.write_text(with_additions(study.text, study.path, changed(d), name="new"))
+        new = parse(path.read_text(), path)
+        better = fit(new.problem, budget=1500)
+        for name, value in truth.items():
+            least_squares.append(answer.values[name] / value - 1.0)
+            errors.append(better.values[name] / value - 1.0)
+            for found, error in ((better.values[name], better.standard_errors[name]), d.drifting.values[name]):
+                held.append(abs(found - value) <= 3.0 * error)
+    assert told >= 2
+    assert np.mean(np.square(errors)) < 0.5 * np.mean(np.square(least_squares))
+    assert np.mean(held) >= 0.9
+
+
+@pytest.mark.parametrize("fault", ["dead_time", "lag", "saturation", "backlash", "change K with u", "change tau with t", "coloured"])
+def test_an_error_of_the_model_is_not_called_a_drift(tmp_path, fault):
+    """Nor is it where the addition is not tried at all."""
+    from plantfit.trust.diagnosis.catalogue import inside_kinds
+    from plantfit.trust.diagnosis.plant.carrier import Carrier
+    from plantfit.trust.diagnosis.plant.hypothesis import fitted
+    from plantfit.trust.diagnosis.plant.slow_drift import drifting
+
+    for seed in (1, 2):
+        problem = load(write(PLANTS["first"], fault, 0.01, seed, tmp_path)).problem
+        answer = fit(problem, budget=1500)
+        carrier = Carrier.of(answer.problem, answer.best.x, inside_kinds(answer.problem))
+        one = fitted(carrier, (), carrier.x, np.zeros(0), carrier.rows.fit)
+        assert drifting(carrier, one, carrier.given.outputs, carrier.rows.fit) is None
+
+
+def test_what_a_drift_hides_is_named_beside_it(tmp_path):
+    """A dead time that explains little of what drifts."""
+    named = 0
+    for seed in (1, 2, 3):
+        study, _ = drifting_study(tmp_path, "first", seed, 10.0, "dead_time")
+        answer = fit(study.problem, budget=1500)
+        d = diagnose(answer.problem, answer.best.x)
+        named += "dead_time" in [t.extension.kind for t in d.found] and d.drifting is not None
+    assert named >= 2
+
+
+def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):
+    """Smoothing by restricted maximum likelihood leaves a line, and the plant keeps its parameters."""
+    study = load(write(PLANTS["first"], "clean", 0.01, 4, tmp_path))
+    plain = fit(study.problem, budget=1500)
+    d = diagnose(plain.problem, plain.best.x, only="slow drift of y")
+    assert [v["sentence"] for v in diagnosis_record(d)["verdict"]] == ["Slow drift of y: a curve in time, as smooth as the data ask for."]
+    path = tmp_path / "new.toml"
+    path.write_text(with_additions(study.text, study.path, changed(d), name="new"))
+    answer = fit(parse(path.read_text(), path).problem, budget=1500)
+    for name, value in PLANTS["first"].truth.items():
+        assert abs(answer.values[name] - value) <= 3.0 * answer.standard_errors[name]
+    curve = np.asarray([v for n, v in zip(answer.problem.space.names, answer._vector, strict=True) if n.startswith("slow_drift_y")])
+    assert np.max(np.abs(curve)) < 0.01 * np.ptp(study.problem.experiments["a"].recording["y"])
+    (smoothed,) = answer.findings["smoothing"]
+    assert smoothed["effective"] < 6
