@@ -149,7 +149,7 @@ def hold(
 
 
 def _answered(answer: Answer, count: int, seed: int) -> _Plants:
-    from plantfit.controllers import plants_of
+    from plantfit.loop_of_study import plants_of
 
     model = answer.problem.model
     if not isinstance(model, Model):

@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.judge import independent_share
 from plantfit.trust.diagnosis.plant.carrier import Carrier
-from plantfit.trust.diagnosis.plant.disturbance import values_beside
+from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
 from plantfit.trust.validate.residual_tests import white_part
 from plantfit.trust.validate.wandering import ALONE, answers, followed
@@ -35,7 +35,8 @@ class SlowDrift:
 @dataclass(frozen=True)
 class Drifting:
     """`drifts` beside these `additions`, which together account for this share of what is left of their outputs (`explains`), and what the
-    parameters are with them: by coordinate a value with its standard error, in their units; none of those that the record does not show."""
+    parameters are with them: by coordinate a value with its standard error, in their units; none where one of them ends at a bound, those
+    that the record shows else."""
 
     additions: tuple[Extension, ...]
     drifts: tuple[SlowDrift, ...]
@@ -71,7 +72,7 @@ def drifting(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndar
     before, after = float(np.sum(one.residuals[use][on] ** 2)), float(np.sum(left[on] ** 2))
     if not np.isfinite(after) or before <= 0 or after > (1.0 - LARGE) * before:
         return None
-    if _times_noise(carrier, left, use) > AT_NOISE or _follows(carrier, one, fit, curves, left, use):
+    if _times_noise(carrier, left, use) > AT_NOISE or _follows(carrier, fit, curves, left, use):
         return None
     drifts = tuple(_drift(carrier, fit, curves, y, use) for y in curves.outputs)
     return Drifting(fit.additions, drifts, 1.0 - after / before, _values(carrier, fit, curves, use))
@@ -125,7 +126,7 @@ def _curves(carrier: Carrier, outputs: Sequence[str], count: int, use: np.ndarra
             if len(at) < FEWEST:
                 continue
             t = e.recording.t[rows.sample[at]]
-            own = _orthonormal(_splines(t, count) * rows.weight[at][:, None])
+            own = _orthonormal(_splines(t, min(count, max(2, len(at) // FEWEST))) * rows.weight[at][:, None])
             block = np.zeros((int(use.sum()), own.shape[1]))
             block[place[at]] = own
             blocks.append(block)
@@ -173,7 +174,7 @@ def _times_noise(carrier: Carrier, left: np.ndarray, use: np.ndarray) -> float:
     return most
 
 
-def _follows(carrier: Carrier, one: Fitted, fit: Fitted, curves: Curves, left: np.ndarray, use: np.ndarray) -> bool:
+def _follows(carrier: Carrier, fit: Fitted, curves: Curves, left: np.ndarray, use: np.ndarray) -> bool:
     """Whether what is left beside the curves follows the changes of an input or of its square."""
     rows, place = carrier.rows, np.cumsum(use) - 1
     a = curves.without(fit.jacobian[np.ix_(use, columns(carrier, fit.additions))])
@@ -208,10 +209,12 @@ def _drift(carrier: Carrier, fit: Fitted, curves: Curves, output: str, use: np.n
 
 
 def _values(carrier: Carrier, fit: Fitted, curves: Curves, use: np.ndarray) -> dict[str, tuple[float, float]]:
-    """The parameters beside finer curves: what the criterion thinks too little to follow would draw them."""
+    """The parameters beside finer curves: what the criterion thinks too little to follow would draw them. None where one is at a bound."""
     finer = _curves(carrier, curves.outputs, int(np.ceil(FINER * curves.count)), use)
     assert finer is not None
     fit = fitted(carrier, fit.additions, fit.x, fit.theta, use, beside=finer.base)
+    if np.any((fit.x[: carrier.own] < PRESSED) | (fit.x[: carrier.own] > 1.0 - PRESSED)):
+        return {}
     free = columns(carrier, fit.additions)
     own = fit.jacobian[np.ix_(use, free)]
     a, left = finer.without(own), finer.without(fit.residuals[use])
