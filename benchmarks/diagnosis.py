@@ -390,11 +390,10 @@ def _run(study: Any, d: Any, folder: Path, budget: int) -> float:
     """The same of the study file that is written, fitted from nothing."""
     from plantfit.fitting import fit
     from plantfit.spec import load, with_additions
-    from plantfit.trust.diagnosis import changed
+    from plantfit.trust.diagnosis import changed, clean_steps
 
-    steps = {"a": [{"step": "drop_outliers", "signal": "y", "window": 11, "threshold": 6.0}]} if d.outliers.named else {}
     place = folder / "proposed.toml"
-    place.write_text(with_additions(study.text, study.path, changed(d), steps, "proposed"), encoding="utf-8")
+    place.write_text(with_additions(study.text, study.path, changed(d), clean_steps(d), "proposed"), encoding="utf-8")
     answer = fit(load(place).problem, budget=budget)
     e = answer.problem.experiments["a"]
     error = (answer.simulated["a"]["y"] - e.recording["y"])[e.mask("fit")]

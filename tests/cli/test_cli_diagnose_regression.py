@@ -54,10 +54,14 @@ def test_one_that_is_asked_for_is_written_whatever_it_explains(axis, capsys, mon
 def test_cleaning_steps_that_it_prints_are_toml():
     from tomllib import loads
 
-    from plantfit.cli.commands.judging.diagnose import _toml
+    from plantfit.recording.clean.outliers import inline
 
-    steps = [{"step": "drop_outliers", "signal": "y", "window": 11, "threshold": 6.0}, {"step": "cut", "start": 0.5}]
-    assert loads(f"clean = {_toml(steps)}") == {"clean": steps}
+    steps = [
+        {"step": "drop_outliers", "signal": "y", "window": 11, "threshold": 6.0},
+        {"step": "cut", "start": 0.5},
+        {"step": "drop_samples", "signal": "Füllstand", "times": [0.5, 1.25]},
+    ]
+    assert loads(f"clean = [{', '.join(map(inline, steps))}]") == {"clean": steps}
 
 
 @pytest.mark.parametrize("filtered", [False, True])

@@ -119,7 +119,7 @@ def test_one_pid_cannot_do_what_gains_over_the_level_do(found):
     assert report.every >= 0.9
     assert np.max(report.single) < 0.2
     kp = [r.gains.Kp for r in report.levels]
-    assert kp[2] > 2.0 * kp[0]
+    assert kp[2] > 1.5 * kp[0]
     assert design.best.form.name == NAME
     assert design.best.share == report.every
     assert [r.name for r in design.rows[:3]] == ["all plants", "best fit alone", "PID of this level alone"]
@@ -150,7 +150,7 @@ def test_near_a_level_the_loop_is_that_of_the_gains_there(found):
 def test_on_a_linear_plant_the_schedule_gains_nothing():
     """A plant whose gains are the same at all levels: one PID does as well."""
     wishes = replace(WISHES, controller="scheduled")
-    design, report = scheduled_loops(linear_family(10, 1), linear_family(30, 2), wishes, [4.0, 6.0], budget=100, seed=3)
+    design, report = scheduled_loops(linear_family(10, 1), linear_family(30, 2), wishes, [4.0, 6.0], budget=300, seed=3)
     assert report.every >= 0.9
     assert np.max(report.single) >= report.every - 0.01
     assert schedule_told(report, design, "z")[0].sentence.endswith(": the schedule gains nothing here.")

@@ -5,6 +5,8 @@ import pytest
 
 import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
+from plantfit.recording import Recording, Signal
+from plantfit.recording.clean.outliers import step_without
 
 DT = 0.01
 T = np.arange(2000) * DT
@@ -163,3 +165,43 @@ def test_wrong_arguments(step, message):
 def test_converting_an_unknown_unit():
     with pytest.raises(UnitError, match="no unit"):
         rec.convert_units(rec.from_arrays(T, signals={"q": T}), {"q": "V"})
+
+
+def test_samples_are_dropped_by_their_times():
+    t = 0.1 * np.arange(50)
+    made = Recording(t, {"q": Signal(np.sin(t), "m")}, "r")
+    dropped = rec.drop_samples(made, "q", [0.3, 2.51, 0.3])
+    assert np.flatnonzero(np.isnan(dropped["q"])).tolist() == [3, 25]
+    assert "2 samples of 'q' dropped by their times." in dropped.log[-1]
+    for times, said in (([7.0], "no sample at 7 s; the recording has 0 to 4.9 s"), ([], "give times"), ([np.nan], "give times")):
+        with pytest.raises(RecordingError, match=said):
+            rec.drop_samples(made, "q", times)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("slope", [0.0, 30.0])
+def test_the_step_that_is_proposed_takes_the_marked_samples_and_no_others(seed, slope):
+    """On a slope a running median does not see spikes: they are named by their times."""
+    rng, t = np.random.default_rng(seed), 0.05 * np.arange(600)
+    values = np.sin(t) + 0.01 * rng.standard_normal(600) + slope * np.abs(np.sin(0.3 * t))
+    marked = np.zeros(600, dtype=bool)
+    marked[rng.choice(np.arange(5, 595), 12, replace=False)] = True
+    values[marked] += rng.choice([-1.0, 1.0], 12) * (1.0 if slope else 3.0)
+    step, taken = step_without("q", values, t, marked)
+    assert taken == 12
+    options = {k: v for k, v in step.items() if k not in ("step", "signal")}
+    cleaned = getattr(rec, step["step"])(Recording(t, {"q": Signal(values, "m")}, "r"), "q", **options)
+    np.testing.assert_array_equal(np.isnan(cleaned["q"]), marked)
+    if slope:
+        assert step["step"] == "drop_samples"
+
+
+def test_of_many_marked_samples_it_is_the_nearest_step_and_says_how_many_it_takes():
+    rng, t = np.random.default_rng(1), 0.05 * np.arange(9000)
+    values = 30.0 * np.abs(np.sin(0.3 * t)) + 0.01 * rng.standard_normal(9000)
+    marked = np.zeros(9000, dtype=bool)
+    marked[::60] = True
+    values[marked] += 1.0
+    step, taken = step_without("q", values, t, marked)
+    assert step["step"] == "drop_outliers"
+    assert taken < 150

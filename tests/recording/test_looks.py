@@ -1,8 +1,11 @@
 """Looks at signals: each where it is true, and where a plain record must be left alone."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
+import plantfit.recording as rec
 from plantfit.recording.looks import clock_looks, feedback_look, signal_looks
 from plantfit.recording.record import Recording, Signal
 
@@ -86,7 +89,10 @@ def test_spikes_are_counted_and_placed():
     assert look.kind == "spikes"
     assert look.figures["samples"] == 4
     assert (look.begin, look.end) == (pytest.approx(T[100]), pytest.approx(T[500]))
-    assert "drop_outliers" in look.write
+    (step,) = tomllib.loads(look.write)["clean"]
+    options = {k: v for k, v in step.items() if k not in ("step", "signal")}
+    cleaned = getattr(rec, step["step"])(recorded(y), step["signal"], **options)
+    assert np.flatnonzero(np.isnan(cleaned["y"])).tolist() == at
 
 
 def test_missing_samples_in_a_row():

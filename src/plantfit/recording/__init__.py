@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.filters import lowpass
     from plantfit.recording.clean.gaps import fill_gaps
     from plantfit.recording.clean.levels import levels
-    from plantfit.recording.clean.outliers import drop_outliers
+    from plantfit.recording.clean.outliers import drop_outliers, drop_samples
     from plantfit.recording.clean.parts import cut, shift_time, split
     from plantfit.recording.clean.resampling import decimate, resample
     from plantfit.recording.clean.sampling import period_of
@@ -53,6 +53,7 @@ __all__ = [
     "detrend",
     "differentiate",
     "drop_outliers",
+    "drop_samples",
     "duty_to_voltage",
     "fill_gaps",
     "from_arrays",
@@ -99,7 +100,7 @@ names_of(
         "signals.motion": "smooth_motion",
         "signals.moving_rms": "moving_rms",
         "signals.odometry": "odometry",
-        "clean.outliers": "drop_outliers",
+        "clean.outliers": "drop_outliers drop_samples",
         "clean.parts": "cut shift_time split",
         "signals.presliding": "presliding",
         "signals.pwm": "duty_to_voltage",

@@ -15,7 +15,7 @@ from plantfit.spec.limits import check_step
 from plantfit.spec.tables import RecordingTable
 
 CLEANING = (
-    "drop_outliers", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
+    "drop_outliers", "drop_samples", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
     "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
     "period_to_speed", "moving_rms", "odometry", "backdate",
 )  # fmt: skip

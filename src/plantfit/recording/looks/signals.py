@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import scipy  # scipy.special is loaded at its first use
 
+from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
 from plantfit.recording.record import Recording
 
@@ -98,13 +99,15 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
         return
     at = np.flatnonzero(alone) + 1
     worst = at[np.argmax(np.abs(away[at - 1]))]
+    marked = np.zeros(len(values), dtype=bool)
+    marked[at] = True
     told = f"1 sample of {name} stands alone" if len(at) == 1 else f"{len(at)} samples of {name} stand alone"
     yield Look(
         "spikes", "warning", recording.name, name,
         f"{told}, more than {SPIKE:g} robust deviations from both neighbours; the largest by "
         f"{abs(away[worst - 1]):.3g}{unit} at t = {times[worst]:.4g} s.",
         float(times[at[0]]), float(times[at[-1]]),
-        f'clean = [{{ step = "drop_outliers", signal = "{name}", window = 11, threshold = 6.0 }}]',
+        f"clean = [{inline(step_without(name, values, times, marked)[0])}]",
         {"samples": len(at), "largest": float(abs(away[worst - 1]))}, _times(times, at),
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ from plantfit.trust.diagnosis.phase import asked_for, with_diagnosis
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 from plantfit.trust.diagnosis.rounds import Trial
 from plantfit.trust.diagnosis.sentences import diagnosis_record
-from plantfit.trust.diagnosis.treatment import Change, asked_changes, change_of, changed
+from plantfit.trust.diagnosis.treatment import Change, asked_changes, change_of, changed, clean_steps
 
 __all__ = [
     "Before",
@@ -24,6 +24,7 @@ __all__ = [
     "asked_for",
     "change_of",
     "changed",
+    "clean_steps",
     "diagnose",
     "diagnosis_record",
     "with_diagnosis",

@@ -18,7 +18,7 @@ from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
 from plantfit.trust.diagnosis.rounds import Round, Trial
-from plantfit.trust.diagnosis.treatment import addition_lines, changed
+from plantfit.trust.diagnosis.treatment import addition_lines, changed, outliers_taken
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
 from plantfit.units import difference_of
 
@@ -83,10 +83,12 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
             if count:
                 share = 100 * d.outliers.share
                 beside = f" with {' and '.join(e.name for e in d.outliers.beside)}" if d.outliers.beside else ""
+                step, taken = outliers_taken(d, output)
                 yield say(
                     "warning",
                     f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of the squares of the "
-                    f"residual{beside}: outliers, which this diagnosis leaves out. drop_outliers under clean takes them away.",
+                    f"residual{beside}: outliers, which this diagnosis leaves out. {step} under clean takes "
+                    f"{'them' if taken == count else f'{taken} of them'} away.",
                     count=count,
                     share=d.outliers.share,
                 )
@@ -95,8 +97,9 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
     if d.carrier.meter.stopped and d.rounds:
         first = d.rounds[0]
         tried, every = len(first.trials), len(first.trials) + len(first.untried)
-        some_of = f"{tried} of {every} additions to the model were" if first.untried else "What stands alone was"
-        yield say("info", f"It was stopped: {some_of} tried until then.", tried=tried)
+        part = f"{tried} of {every} additions to the model were tried until then"
+        alone_only = f"all {every} additions to the model were tried alone, and not all beside each other"
+        yield say("info", f"It was stopped: {part if first.untried else alone_only}.", tried=tried)
     for e in d.dropped:
         text = f"{e.article} {e.name}".strip()
         yield say(

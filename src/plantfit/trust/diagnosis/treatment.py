@@ -1,9 +1,13 @@
 """The lines of a study file that add what was found."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from plantfit.models.extensions import KINDS, parameter_name
+from plantfit.recording.clean.outliers import step_without
 from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis
 from plantfit.trust.diagnosis.plant.carrier import FASTEST, SLOWEST
@@ -46,6 +50,34 @@ def changed(diagnosis: Diagnosis) -> list[Change]:
 def asked_changes(diagnosis: Diagnosis) -> list[Change]:
     """Those that were asked for, whatever they explain."""
     return [*(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials), *map(_of_curve, diagnosis.curves)]
+
+
+def clean_steps(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
+    """Cleaning steps by recording, where outliers are named."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name, _, step, _ in _removals(diagnosis):
+        found.setdefault(name, []).append(step)
+    return found
+
+
+def outliers_taken(diagnosis: Diagnosis, output: str) -> tuple[str, int]:
+    """What takes the outliers of an output away, and how many of them."""
+    own = [(step, taken) for _, o, step, taken in _removals(diagnosis) if o == output]
+    return " and ".join(dict.fromkeys(str(step["step"]) for step, _ in own)), sum(taken for _, taken in own)
+
+
+def _removals(diagnosis: Diagnosis) -> Iterator[tuple[str, str, dict[str, Any], int]]:
+    """Recording, output, step and how many it takes."""
+    if not diagnosis.outliers.named:
+        return
+    rows, given = diagnosis.carrier.rows, diagnosis.carrier.given
+    for name, e in given.experiments.items():
+        for output in given.outputs:
+            at = rows.part(name, output)
+            marked = np.zeros(len(e.recording), dtype=bool)
+            marked[rows.sample[at[diagnosis.apart[at]]]] = True
+            if marked.any():
+                yield name, output, *step_without(output, e.recording[output], e.recording.t, marked)
 
 
 def _of_curve(c: Curve) -> Change:

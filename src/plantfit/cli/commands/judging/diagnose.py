@@ -25,6 +25,7 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
 
     study = spec.load(path)
     from plantfit.first_look import linear_beside
+    from plantfit.recording.clean.outliers import inline
     from plantfit.trust.diagnosis import diagnosis_record
     from plantfit.trust.looks import problem_looks
 
@@ -43,7 +44,7 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     for line in written["write"]:
         out.print(f"    {line}", markup=False)
     for name, steps in written["clean"].items():
-        out.print(f"    [recording.{name}]\n    clean = {_toml(steps)}", markup=False)
+        out.print(f"    [recording.{name}]\n    clean = [{', '.join(map(inline, steps))}]", markup=False)
     if "rmse" in written:
         unseen = "" if written["unseen_rmse"] is None else f", {written['unseen_rmse']:.4g} on unseen data"
         values = "".join(f"{', ' if k else '; '}{n} = {v:.4g}" for k, (n, v) in enumerate(written["values"].items()))
@@ -51,30 +52,18 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
 
 
-def _toml(steps: Sequence[Mapping[str, Any]]) -> str:
-    """Cleaning steps as a line of a study file."""
-    import tomlkit
-
-    array = tomlkit.array()
-    for step in steps:
-        table = tomlkit.inline_table()
-        table.update(step)
-        array.append(table)
-    return array.as_string()
-
-
 def added(path: str, names: Sequence[str], json: bool) -> Path:
     """The study file with these additions, written beside `path` as `plantfit diagnose --try` does; one that is there is kept if it says
     the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file in its place."""
     from plantfit import spec
-    from plantfit.trust.diagnosis import asked_changes
+    from plantfit.trust.diagnosis import asked_changes, clean_steps
 
     study = spec.load(path)
     found = _tried(study, names, json)
     if not all(r.trials for r in found.rounds):
         raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
-    changes = asked_changes(found)
-    text, target = _text(study, changes, _steps(found)), _target(study, changes, bool(_steps(found)))
+    changes, clean = asked_changes(found), clean_steps(found)
+    text, target = _text(study, changes, clean), _target(study, changes, bool(clean))
     if not target.exists():
         _write(target, text)
     elif target.read_text(encoding="utf-8", errors="replace") != text:
@@ -108,10 +97,10 @@ def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
 def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool, only: Sequence[str]) -> dict[str, Any]:
     """Write the study file with what was found, or with what was asked for; what was written and how it fits."""
     from plantfit.spec import parse
-    from plantfit.trust.diagnosis import asked_changes, changed
+    from plantfit.trust.diagnosis import asked_changes, changed, clean_steps
     from plantfit.trust.diagnosis.treatment import addition_lines
 
-    changes, clean = asked_changes(found) if only else changed(found), _steps(found)
+    changes, clean = asked_changes(found) if only else changed(found), clean_steps(found)
     if not changes and not clean:
         return {}
     target = Path(place) if place else _target(study, changes, bool(clean))
@@ -144,18 +133,6 @@ def _write(target: Path, text: str) -> None:
 def shown(target: Path) -> str:
     """A file as a command would name it from here."""
     return str(target.relative_to(Path.cwd()) if target.is_absolute() and target.is_relative_to(Path.cwd()) else target)
-
-
-def _steps(found: "Diagnosis") -> dict[str, list[dict[str, Any]]]:
-    """Cleaning steps by recording, where outliers are named."""
-    if not found.outliers.named:
-        return {}
-    rows, steps = found.carrier.rows, {}
-    for name in found.carrier.given.experiments:
-        signals = [o for o in found.carrier.given.outputs if found.apart[rows.part(name, o)].any()]
-        if signals:
-            steps[name] = [{"step": "drop_outliers", "signal": o, "window": 11, "threshold": 6.0} for o in signals]
-    return steps
 
 
 def _target(study: "Study", changes: "Sequence[Change]", clean: bool) -> Path:
