@@ -1,7 +1,7 @@
 """What study, answer and recordings say about a loop that is to be closed: its signals, its family of plants, its limits and what it is
 to reach. What they leave out is proposed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -281,7 +281,7 @@ class _Asked:
                 found |= {"inner_quantum": quantum_of(self.own[loop.inner]), "inner_noise": noise_of(self.own[loop.inner])}
         return {k: v for k, v in found.items() if v is not None}
 
-    def period(self, best: OneLoop, level: float, starts: Sequence[float]) -> float:
+    def period(self, best: OneLoop, level: float, starts: tuple[float, ...]) -> float:
         """As asked for, else that of the recording or a multiple of it, fewer samples than `MOST_SAMPLES` in a course."""
         asked = self.given("period", "s")
         if asked is not None:
