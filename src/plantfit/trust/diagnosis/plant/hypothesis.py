@@ -213,7 +213,8 @@ def fitted(
         trial = point.copy()
         trial[free] = np.clip(point[free] + step, low[free], high[free])
         r2, j2 = whole(carrier, additions, trial)
-        new = float(np.sum(own(r2[use]) ** 2))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a plant that explodes
+            new = float(np.sum(own(r2[use]) ** 2))
         if np.isfinite(new) and new < cost:
             point, r, jacobian, damping = trial, r2, j2, max(damping / GROWTH, LEAST)
             slow = cost - new <= SLOW * promised
