@@ -1,7 +1,7 @@
 """What `plantfit tune` and `plantfit export --to` share: the finished study of a study file, wishes from the command line, files."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -138,24 +138,21 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
 
 def written(found: "Controller", page: Path, folder: Path) -> list[Path]:
     """Page, JSON and C files of a controller. Raises StoreError where a file of the user would be replaced."""
-    from plantfit.cli.terminal.out import plain
-    from plantfit.folders import may_be_written
     from plantfit.report.pages.controller import write_controller_page
 
-    data = page.with_suffix(".json")
-    if not may_be_written(data):
-        raise StoreError(f"{data} is there and was not written by plantfit; move it, or name another page with --out.")
-    folder.mkdir(parents=True, exist_ok=True)
-    c = found.to_c(folder)
-    data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")
-    return [write_controller_page(found.typed, found.curves, page), data, c.source, c.header]
+    return _files(found, page, folder, write_controller_page)
 
 
 def written_held(found: "Held", page: Path, folder: Path) -> list[Path]:
     """Page, JSON and C files of a regulator. Raises StoreError where a file of the user would be replaced."""
+    from plantfit.report.pages.held import write_held_page
+
+    return _files(found, page, folder, write_held_page)
+
+
+def _files(found: "Controller | Held", page: Path, folder: Path, write_page: Callable[..., Path]) -> list[Path]:
     from plantfit.cli.terminal.out import plain
     from plantfit.folders import may_be_written
-    from plantfit.report.pages.held import write_held_page
 
     data = page.with_suffix(".json")
     if not may_be_written(data):
@@ -163,7 +160,7 @@ def written_held(found: "Held", page: Path, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     c = found.to_c(folder)
     data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")
-    return [write_held_page(found.typed, found.curves, page), data, c.source, c.header]
+    return [write_page(found.typed, found.curves, page), data, c.source, c.header]
 
 
 def show_held(record: "HeldPlant") -> None:

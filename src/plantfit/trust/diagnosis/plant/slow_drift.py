@@ -1,18 +1,17 @@
 """The plant fitted beside a slow drift of its outputs, each a curve in time, where what is left is one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 import plantfit.runtime  # noqa: F401
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.judge import independent_share
+from plantfit.trust.diagnosis.judge import independent_share, times_noise
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
-from plantfit.trust.validate.residual_tests import white_part
 from plantfit.trust.validate.wandering import ALONE, answers, followed
 
 SPLINES = (5, 8, 12, 18, 27)  # of a curve, that are compared
@@ -72,7 +71,7 @@ def drifting(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndar
     before, after = float(np.sum(one.residuals[use][on] ** 2)), float(np.sum(left[on] ** 2))
     if not np.isfinite(after) or before <= 0 or after > (1.0 - LARGE) * before:
         return None
-    if _times_noise(carrier, left, use) > AT_NOISE or _follows(carrier, fit, curves, left, use):
+    if times_noise(carrier, replace(fit, residuals=_of_all(left, use)), ~use) > AT_NOISE or _follows(carrier, fit, curves, left, use):
         return None
     drifts = tuple(_drift(carrier, fit, curves, y, use) for y in curves.outputs)
     return Drifting(fit.additions, drifts, 1.0 - after / before, _values(carrier, fit, curves, use))
@@ -160,20 +159,6 @@ def _faster(carrier: Carrier, one: Fitted, curves: Curves, use: np.ndarray) -> b
     return float(missed @ missed) >= SLOWER * float(moved @ moved) > 0
 
 
-def _times_noise(carrier: Carrier, left: np.ndarray, use: np.ndarray) -> float:
-    """The most times its sample-to-sample noise that an output of a recording is left with."""
-    rows, most = carrier.rows, 0.0
-    whole = np.full(len(use), np.nan)
-    whole[use] = left
-    for y in carrier.given.outputs:
-        for name in carrier.given.experiments:
-            at = rows.part(name, y)
-            r = whole[at[rows.fit[at]]][:: carrier.thin]
-            if np.isfinite(r).sum() > FEWEST:
-                most = max(most, float(np.sqrt(np.nanmean(r**2))) / max(white_part(r), 1e-300))
-    return most
-
-
 def _follows(carrier: Carrier, fit: Fitted, curves: Curves, left: np.ndarray, use: np.ndarray) -> bool:
     """Whether what is left beside the curves follows the changes of an input or of its square."""
     rows, place = carrier.rows, np.cumsum(use) - 1
@@ -194,6 +179,13 @@ def _follows(carrier: Carrier, fit: Fitted, curves: Curves, left: np.ndarray, us
         blocks.append(own)
     told = np.hstack(blocks)
     return bool(told.shape[1]) and followed(left, np.hstack([curves.base, q]), told) < ALONE
+
+
+def _of_all(left: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Residuals of used rows (n,) among all rows (m,), zero elsewhere."""
+    found = np.zeros(len(use))
+    found[use] = left
+    return found
 
 
 def _drift(carrier: Carrier, fit: Fitted, curves: Curves, output: str, use: np.ndarray) -> SlowDrift:
@@ -221,10 +213,8 @@ def _values(carrier: Carrier, fit: Fitted, curves: Curves, use: np.ndarray) -> d
     size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
     _, s, right = np.linalg.svd(a / size, full_matrices=False)
     shown = s > 1e-7 * max(s[0], 1e-300)
-    whole = np.zeros(len(use))
-    whole[use] = left
     variance = float(left @ left) / max(len(left) - finer.base.shape[1] - int(shown.sum()), 1)
-    variance *= independent_share(whole, carrier.rows, use)
+    variance *= independent_share(_of_all(left, use), carrier.rows, use)
     spread = np.linalg.norm(right[shown].T / s[shown], axis=1) / size
     errors = np.where(np.sum(right[~shown] ** 2, axis=0) > 1e-7, np.inf, spread * np.sqrt(variance))
     return values_beside(carrier, fit.additions, np.r_[fit.x, fit.theta], free, errors)
