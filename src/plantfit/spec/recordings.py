@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from plantfit import recording as rec
-from plantfit.errors import SpecError, in_words
+from plantfit.errors import RecordingError, SpecError, in_words
 from plantfit.problem import Experiment, split
 from plantfit.recording.unmeasured import unmeasured
 from plantfit.spec.limits import check_step
@@ -51,6 +51,9 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
             check_step(arguments, len(record), f"{path.name}: recording.{name}.clean[{i}] ({kind})")
             _check_names(signature, arguments)
             record = function(record, **arguments)
+        except RecordingError as error:
+            error.args = (f"{path.name}: recording.{name}.clean[{i}]: {error}",)
+            raise
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
             told = in_words(error).removeprefix(f"{kind}() ")
             raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md.") from error

@@ -40,7 +40,10 @@ def drop_samples(recording: Recording, name: str, times: Sequence[float]) -> Rec
     Raises RecordingError for a time at which there is no sample.
     """
     signal, t = signal_of(recording, name), recording.t
-    wanted = np.atleast_1d(np.asarray(times, dtype=float))
+    try:
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+    except (TypeError, ValueError):
+        wanted = np.zeros(0)
     if wanted.ndim != 1 or not wanted.size or not np.all(np.isfinite(wanted)):
         raise RecordingError(f"drop_samples({name!r}): times are {times!r}; give times of samples in seconds, as in [1.5, 2.25].")
     at = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
