@@ -1,5 +1,7 @@
 """Cleaning steps against closed forms."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -173,7 +175,8 @@ def test_samples_are_dropped_by_their_times():
     dropped = rec.drop_samples(made, "q", [0.3, 2.51, 0.3])
     assert np.flatnonzero(np.isnan(dropped["q"])).tolist() == [3, 25]
     assert "2 samples of 'q' dropped by their times." in dropped.log[-1]
-    for times in ([], "abc", [np.nan]):
+    wrong: list[Any] = [[], "abc", [np.nan]]
+    for times in wrong:
         with pytest.raises(RecordingError, match="give times of samples in seconds"):
             rec.drop_samples(made, "q", times)
     with pytest.raises(RecordingError, match=r"no sample at 7 s; the recording has 0 to 4\.9 s"):
