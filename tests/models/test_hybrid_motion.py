@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from plantfit.models import Model, equations
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.steppers import rk4
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.vector import vectorise
 
 import jax

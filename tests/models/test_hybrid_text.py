@@ -6,7 +6,7 @@ from model_calls import derivative
 
 from plantfit.errors import EquationError, ModelError
 from plantfit.models import Backlash, Declared, Event, Friction, Model, StateDelay, Table, describe, equations
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction
 from plantfit.simulate.steps.vector import vectorise
 
 import jax.numpy as jnp

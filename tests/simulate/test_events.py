@@ -10,8 +10,8 @@ import plantfit.runtime
 from plantfit.errors import ModelError, SimulationError
 from plantfit.models.parts.switching import Backlash, Event, Friction
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.steppers import rk4, rosenbrock
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
 
 import jax
 import jax.numpy as jnp

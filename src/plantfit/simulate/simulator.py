@@ -12,12 +12,12 @@ from plantfit.errors import SimulationError
 from plantfit.models.model import Model
 from plantfit.simulate.records.rollout import make_rollout
 from plantfit.simulate.steps.adaptive import FINEST, adaptive
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction, values_of, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.grid import Held, Pieces, Steps, delayed_pieces, merge, sampled_pieces
 from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, ring_length
 from plantfit.simulate.steps.linear import exact_step
 from plantfit.simulate.steps.registry import ADAPTIVE, EXACT, STEPPERS
 from plantfit.simulate.steps.structure import is_linear
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, values_of, with_backlash, with_events, with_friction
 from plantfit.simulate.steps.times import known_times
 from plantfit.simulate.steps.vector import VectorModel, vectorise
 

@@ -19,7 +19,7 @@ from plantfit.problem.linear.degree_rules import Value, degrees, of
 from plantfit.problem.predictor import AtRest
 from plantfit.problem.problem import Problem
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction
 from plantfit.simulate.steps.vector import VectorModel, placeholders
 from plantfit.space import Space
 

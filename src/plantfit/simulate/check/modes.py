@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.steps.events import bind_backlash, bind_event, bind_friction
+from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction
 from plantfit.simulate.steps.vector import VectorModel
 
 import jax

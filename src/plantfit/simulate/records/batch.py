@@ -11,9 +11,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.simulate.records.rollout import make_rollout
 from plantfit.simulate.records.schedule import Chunks
 from plantfit.simulate.simulator import Simulator, exact_ends
-from plantfit.simulate.steps.events import values_of
 from plantfit.simulate.steps.grid import merge
 from plantfit.simulate.steps.intervals import MOST_EDGES, Row, sensitivities, substeps, summed
+from plantfit.simulate.steps.switching import values_of
 
 import jax
 import jax.numpy as jnp

@@ -12,7 +12,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
 from plantfit.simulate.records.schedule import Knots
 from plantfit.simulate.simulator import Simulator
-from plantfit.simulate.steps.events import Switching, values_of
+from plantfit.simulate.steps.switching import Switching, values_of
 
 import jax
 import jax.numpy as jnp
@@ -88,7 +88,7 @@ def interval(simulator: Simulator, edges: bool, *, derived: bool = False) -> Cal
 def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
     """`advance(p, x, row, around) -> ((x, y), may)` as if nothing happened in its steps, and whether something may; None where nothing can.
 
-    See `events.Switching`.
+    See `switching.Switching`.
     """
     step = simulator.step
     if not isinstance(step, Switching):

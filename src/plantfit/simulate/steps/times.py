@@ -2,7 +2,7 @@
 
 What a guard depends on is read from its traced program (`dependencies`). A guard that reads the time and parameters, but no state
 and no input, is timed. Is it a straight line in t, g = g(0) + s t, then its moment is T = -g(0)/s, whatever the states do; the step
-ends there exactly, and derivatives by parameters know how T moves (`events`). Moments that depend on no parameter either are part
+ends there exactly, and derivatives by parameters know how T moves (`switching.events`). Moments that depend on no parameter either are part
 of the grid of the record, as are the nodes of tables over t.
 """
 
