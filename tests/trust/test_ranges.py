@@ -199,6 +199,16 @@ def test_a_divisor_on_a_bound_of_the_search_ends_no_range(divides):
     assert found["low"] == pytest.approx(0.0 if divides else 2.0, rel=5e-3)
 
 
+@pytest.mark.parametrize("spread", [40.0, 80.0, 120.0])
+def test_a_wide_range_does_not_end_where_it_is_no_longer_followed(spread):
+    """Ranges are followed to -5 and 5 here; beyond, the growth says how they go on."""
+    noise = np.random.default_rng(1).standard_normal(N)
+    noise = 1e-4 * spread * (noise - X * (X @ noise) / (X @ X))  # the fit finds the truth
+    found = rows(answer("y = exp(1e-4*a*x)", lambda x: np.exp(1e-4 * 0.2 * x) + noise, {"a": Parameter((-1.0, 1.0))}, noise=0.0))["a"]
+    half = 1.96 * np.linalg.norm(noise) * 1e4 / np.sqrt(N - 1) / np.linalg.norm(X)
+    assert [found["low"], found["high"]] == pytest.approx([0.2 - half, 0.2 + half], abs=0.03 * half)
+
+
 FAMILIES = {  # all parameters may grow or shrink together: bounds of the search must end no range
     "quotients": ("y = p*u/(q + r*v) + s*w/(r*v + q)", {"p": 0.3, "q": 0.05, "r": 2.0, "s": 0.7}),
     "mixed": ("y = p*u/r + q*v/(r + s*w)", {"p": 0.3, "q": 0.05, "r": 2.0, "s": 0.7}),

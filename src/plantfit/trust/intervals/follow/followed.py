@@ -283,8 +283,9 @@ class Followed:
         limit = self.limits[i][1 if sign > 0 else 0]
         if share <= SLIGHT:
             return float(limit)
-        edge = 0.0 if sign < 0 else 1.0
-        reached, value = self._value(i, self.z[i] + (edge - self.z[i]) / np.sqrt(share)), self.linear.values[i]
+        edge, whole = 0.0 if sign < 0 else 1.0, self.z.copy()
+        whole[i] += (edge - self.z[i]) / np.sqrt(share)
+        reached, value = float(self.room.extended(whole)[i]), self.linear.values[i]
         last = self._value(i, edge)
         if abs(reached - value) > OUTSIDE * abs(last - value) or (self.problem.space.log[i] and reached < last / OUTSIDE):
             return float(limit)

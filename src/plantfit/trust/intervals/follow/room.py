@@ -51,8 +51,12 @@ class Room:
 
     def physical(self, w: np.ndarray) -> np.ndarray:
         """Values (..., d) in their units, at most at the ends of the room: rounding is no value below zero."""
+        return np.clip(self.extended(w), self.lower, self.upper)
+
+    def extended(self, w: np.ndarray) -> np.ndarray:
+        """Values (..., d) in their units, of points that may lie outside of the room."""
         with np.errstate(over="ignore"):
-            return np.clip(np.asarray(self.problem.space.physical(self.outer(w))), self.lower, self.upper)
+            return np.asarray(self.problem.space.physical(self.outer(w)))
 
     def cube(self, values: np.ndarray) -> np.ndarray:
         """The point (..., d) of values in their units."""
