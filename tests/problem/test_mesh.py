@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import plantfit as pf
 from plantfit.problem import Problem, checked_cost
+from plantfit.problem.accuracy import mesh
 from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
-from plantfit.problem.accuracy.steps import choose_substeps, refined_at, steps_for
+from plantfit.problem.accuracy.steps import LONG_MESH, choose_substeps, refined_at, steps_for
+from plantfit.problem.evaluate.points import residuals
 from plantfit.recording import from_arrays
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.steps.array_steppers import Rates
@@ -165,3 +168,24 @@ def test_a_pole_is_no_lack_of_evaluations_and_a_lack_of_them_is_no_pole():
     short = follow(problem.predictor.stepping(), {"k": np.asarray(0.5)}, problem.whole_drives["run"], evaluations=10).stopped
     assert short is not None
     assert short.spent
+
+
+def test_a_mesh_of_a_box_that_nothing_follows_is_given_up_for_adaptive_steps(monkeypatch):
+    """A tenth of this box swings two hundred times and more in a record: no mesh is fine enough for nine tenths of it."""
+    t = np.linspace(0.0, 10.0, 150)
+    swing = solve_ivp(lambda s, x: (x[1], -25.0 * np.sin(x[0])), (0.0, 10.0), (2.0, 0.0), t_eval=t, rtol=1e-9, atol=1e-9).y[0]
+    model = pf.equations(
+        "angle' = v\n v' = -w^2*sin(angle)",
+        states={"angle": {"initial": 2.0}, "v": {}},
+        outputs=["angle"],
+        parameters={"w": {"bounds": (0.1, 300.0), "scale": "log"}},
+    )
+    rounds, refined = [], mesh._refined
+    monkeypatch.setattr(mesh, "_refined", lambda problem, *more: rounds.append(problem.steps_a_sample) or refined(problem, *more))
+    chosen = choose_substeps(Problem(model, from_arrays(t, signals={"angle": swing}, name="run")))
+    assert chosen.predictor.stepping().stepper == "adaptive"
+    assert not chosen.mesh
+    assert 1 < len(rounds) < 10
+    assert max(rounds) <= LONG_MESH
+    off = np.asarray(residuals(chosen, at(chosen, w=5.0))) * chosen.scales["angle"]
+    assert np.sqrt(np.mean(off**2)) < 3e-3 * np.std(swing)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -41,6 +42,16 @@ def verdict(findings: dict[str, Any]) -> None:
         colour, mark = MARKS[v["level"]]
         out.print(f"[{colour}]{mark}[/{colour}] ", end="")
         out.print(v["sentence"], markup=False)
+
+
+@contextmanager
+def preparing(name: str) -> Iterator[None]:
+    """A line while the problem of a study is made ready, where standard error is a terminal."""
+    if not err.is_terminal:
+        yield
+        return
+    with err.status(f"{escape(name)}: chooses how long the steps of its simulation are"):
+        yield
 
 
 def warn(sentence: str) -> None:

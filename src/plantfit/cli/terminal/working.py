@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.terminal.interrupts import Stopping, stoppable
-from plantfit.cli.terminal.out import warn
+from plantfit.cli.terminal.out import preparing, warn
 from plantfit.errors import SearchError
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ def ready(study: "Study", number: int | None) -> Ready:
     from plantfit.rebuild import prepared_study
 
     demand_search(study)
-    return Ready(study, prepared_study(study), number)
+    with preparing(study.name):
+        return Ready(study, prepared_study(study), number)
 
 
 def demand_search(study: Any) -> None:

@@ -255,13 +255,21 @@ def _reach(local: np.ndarray, forwards: np.ndarray, squares: np.ndarray) -> np.n
 
 
 def mesh_at(
-    problem: Problem, zs: np.ndarray, units: Mapping[str, float], tolerance: float, part: float = 1.0, *, quarter: bool = False
+    problem: Problem,
+    zs: np.ndarray,
+    units: Mapping[str, float],
+    tolerance: float,
+    part: float = 1.0,
+    *,
+    quarter: bool = False,
+    most: float = np.inf,
 ) -> Problem:
     """The problem on a mesh with one step in each interval, whose error at the cube points zs (C, d) is below `tolerance` (rms) in `units`.
 
     It is made anew, from samples and known times alone, or with `quarter` from a quarter of the steps there are: halving too long steps
     can change nothing and say nothing. It is below at this `part` of the points at least; points that no mesh lets
-    follow are left out. The problem itself where one step between samples is enough.
+    follow are left out. The problem itself where one step between samples is enough. A mesh that has come to more than `most` steps
+    a sample is left as it is.
     """
     own = problem.predictor.stepping()
     base = problem.with_simulator(Simulator(own.vector, own.stepper, 1, own.interpolated))
@@ -275,6 +283,8 @@ def mesh_at(
         if not finer or blind > BLIND or sum(map(len, finer.values())) > MOST_STEPS:
             break
         current = base.with_mesh(finer)
+        if current.steps_a_sample > most:
+            break
     return current
 
 

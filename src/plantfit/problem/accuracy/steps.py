@@ -147,6 +147,11 @@ def _long(problem: Problem) -> bool:
     return bool(problem.mesh) and _can_adapt(problem) and problem.steps_a_sample > LONG_MESH
 
 
+def _mesh_or_longer(problem: Problem, z: np.ndarray, units: dict[str, float], tolerance: float, part: float = 1.0, **how: bool) -> Problem:
+    """A mesh that is given up where it gets so long that adaptive steps are taken in its place: some points of a box may ask for any."""
+    return mesh_at(problem, z, units, tolerance, part, most=LONG_MESH if _can_adapt(problem) else np.inf, **how)
+
+
 def _can_adapt(problem: Problem) -> bool:
     simulator = problem.predictor.stepping()
     return simulator.vector.model.smooth and simulator.stepper == DEFAULT
@@ -168,7 +173,8 @@ def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
         if short:
             return even
         many = _many(even, _quantile(even, _step_error, z, 0.5), COARSE)
-        return _adaptive(problem, _step_error, z, COARSE) if many else mesh_at(problem, z, spreads, MESH, MESH_PART)
+        made = problem if many else _mesh_or_longer(problem, z, spreads, MESH, MESH_PART)
+        return _adaptive(problem, _step_error, z, COARSE) if many or _long(made) else made
     while steps <= EVEN:
         errors = errors_at(problem, z, spreads, steps)
         errors = errors[np.isfinite(errors)]
@@ -249,7 +255,7 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
         if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
-    made = mesh_at(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    made = _mesh_or_longer(problem, z[None, :], problem.scales, small * EXACT / FINE)
     return _adaptive(problem, _scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
 
 
@@ -276,7 +282,7 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
         return problem
     made, tolerance = problem, MESH
     for _ in range(ROUNDS):  # the error may stand in a few samples: after a peak that steps are late at
-        made = mesh_at(problem, z[None, :], spreads, tolerance)
+        made = _mesh_or_longer(problem, z[None, :], spreads, tolerance)
         if _long(made):
             return _adaptive(problem, _largest_step_error, z[None, :], 2.0 * MESH, SENSITIVE, MOST_FINE)
         worst = _largest_error(made, z, spreads)
@@ -306,7 +312,7 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
         small = max(share * rms, 0.1 * least(problem))
         if not problem.mesh and _many(problem, _scaled_error(problem, z), small):
             return _adaptive(problem, _scaled_error, z[None, :], small)
-        made = mesh_at(problem, z[None, :], problem.scales, small, quarter=True)
+        made = _mesh_or_longer(problem, z[None, :], problem.scales, small, quarter=True)
         return _adaptive(problem, _scaled_error, z[None, :], small, SENSITIVE, MOST_FINE) if _long(made) else made
     simulator = problem.predictor.stepping()
     more = 4 * simulator.substeps <= MOST_FINE if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
