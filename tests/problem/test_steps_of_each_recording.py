@@ -5,7 +5,8 @@ import pytest
 
 import plantfit as pf
 from plantfit.problem import Problem
-from plantfit.problem.accuracy.steps import FINE, refined_at
+from plantfit.problem.accuracy.step_errors import FINE
+from plantfit.problem.accuracy.steps import refined_at
 from plantfit.problem.accuracy.verification import verify
 from plantfit.recording import from_arrays
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
-from plantfit.problem.accuracy.steps import step_errors
+from plantfit.problem.accuracy.step_errors import step_errors
 from plantfit.problem.evaluate.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow
