@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from plantfit.errors import SearchError
 from plantfit.estimate import instrumental_variables
 from plantfit.estimate.whitening import usable, whitening
+from plantfit.problem.measure.long_run import degrees_of_freedom
 
 TRUTH = np.array([2.0, -1.0])
 
@@ -65,6 +66,42 @@ def test_intervals_hold_the_truth_as_often_as_they_say(rho):
         held += (e.low <= TRUTH) & (e.high >= TRUTH)
     assert np.all(held / seeds >= 0.90), held / seeds
     assert np.all(held / seeds <= 0.995), held / seeds
+
+
+def one_move(seed, rho=0.0, length=5, n=300):
+    """The second column is there in one short move only."""
+    rng = np.random.default_rng(seed)
+    clean = np.c_[np.sin(np.arange(n) / 9.0), np.zeros(n)]
+    clean[200 : 200 + length, 1] = np.hanning(length + 2)[1:-1] * np.where(np.arange(length) % 2, 2.0, -2.0)
+    e = 0.5 * np.sqrt(1 - rho**2) * lfilter([1.0], [1.0, -rho], rng.normal(size=n))
+    return clean + 0.05 * rng.normal(size=clean.shape), clean @ TRUTH + e, clean
+
+
+@pytest.mark.parametrize("whiten", [True, False])
+@pytest.mark.parametrize(("rho", "length"), [(0.0, 5), (0.0, 8), (0.8, 5)])
+def test_intervals_of_what_one_short_move_tells_are_wider_and_hold_the_truth(rho, length, whiten):
+    found, sides = [], []
+    for seed in range(300):
+        x, y, clean = one_move(seed, rho, length)
+        e = instrumental_variables(x, y, clean, whiten=whiten)
+        found.append((e.low <= TRUTH) & (e.high >= TRUTH))
+        sides.append((e.values - TRUTH) / e.standard_error)
+        assert e.degrees is not None
+        assert e.degrees[1] < 2 * length
+        assert e.degrees[0] > 8
+    held = np.mean(found, axis=0)
+    assert np.all(held >= 0.90), held
+    assert np.median(np.abs(np.array(sides)[:, 1])) > 0.15  # 0.67 for a standard error that is right: no blanket
+
+
+def test_degrees_of_freedom_of_alike_rows_are_their_number_and_of_few_rows_theirs():
+    scores = np.random.default_rng(1).normal(size=(2000, 1))
+    white = degrees_of_freedom(scores, np.ones((2000, 1)), np.arange(2000))[0]
+    assert 400 < white <= 2000  # a kernel of a few lags takes some
+    few = np.zeros((2000, 1))
+    few[[5, 500, 1000, 1500]] = 1.0
+    assert degrees_of_freedom(scores, few, np.arange(2000))[0] == pytest.approx(4.0)
+    assert degrees_of_freedom(scores, np.zeros((2000, 1)), np.arange(2000))[0] == np.inf
 
 
 def test_whitening_narrows_intervals_where_errors_last():

@@ -14,7 +14,9 @@ class Estimate:
 
     `influence` (n, k), where known, is what the error of every sample adds to every value, at sample numbers `index` (n,):
     two estimates from the same samples are compared by it. `residuals` (n, m) are those of the whitened rows, `order` the
-    order of the whitening filter, `iterations` how often the instruments were made anew.
+    order of the whitening filter, `iterations` how often the instruments were made anew. `degrees` (k,), where known, is on how many
+    independent errors the variance of each value rests. The covariance is widened for few of them: 1.96 standard errors are the 95 %
+    interval of Student's t with so many degrees of freedom.
     """
 
     names: tuple[str, ...]
@@ -25,6 +27,7 @@ class Estimate:
     residuals: np.ndarray | None = field(default=None, repr=False)
     order: int = 0
     iterations: int = 0
+    degrees: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def named(self) -> dict[str, float]:

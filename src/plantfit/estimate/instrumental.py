@@ -4,15 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, ndtri, stdtrit
 
 from plantfit.errors import SearchError
-from plantfit.estimate.estimate import Estimate
+from plantfit.estimate.estimate import LEVEL, Estimate
 from plantfit.estimate.whitening import usable, whitening
-from plantfit.problem.measure.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
 
 ROUNDS = 10  # of residuals and whitening for one set of instruments
-APART = 0.05  # p-value below which estimates with and without whitening are taken to differ
+APART = 0.01  # p-value below which estimates with and without whitening are taken to differ
 SHRUNK = 0.5  # of what the columns of an output explain without whitening: below it coefficients have gone to zero
 SETTLED_AT_LAST = 1.0  # plain standard errors that rounds which have not settled may be away
 SETTLED = 0.01  # change of every value, in standard errors, that ends the iterations
@@ -41,7 +41,8 @@ def instrumental_variables(
     Errors are made white by a vector autoregression of at most `largest_order` over samples numbered `index` (N,), which weights
     the outputs too, unless `whiten` is False: all rows then count alike. They do so too where whitening makes no error smaller, or leads
     away from the estimate without it by more than its errors. The covariance is the sandwich with leverages (HC3 of
-    MacKinnon and White, J. Econometrics 29 (1985) 305), long-run (Newey-West). Janot, Vandanjon, Gautier, IEEE Trans. Control
+    MacKinnon and White, J. Econometrics 29 (1985) 305), long-run (Newey-West), and widened to Student's t where it rests on few samples,
+    as for a coefficient that one fast move tells (`Estimate.degrees`). Janot, Vandanjon, Gautier, IEEE Trans. Control
     Syst. Technol. 22 (2014) 132; filter of the errors: Young, Recursive Estimation and Time-Series Analysis, 2nd ed. (2011).
 
     Raises SearchError for shapes that do not fit, values that are not finite and instruments that do not move with the regressor.
@@ -140,8 +141,18 @@ def _estimate(data: _Data, rows: _Rows, values: np.ndarray, inverse: np.ndarray,
     freed = np.linalg.solve(np.eye(rows.y.shape[1]) - leverage, residuals[:, :, None])[:, :, 0]
     influence = np.zeros((len(data.index), len(values)))
     influence[rows.kept] = np.einsum("kl,nml,nm->nk", inverse, rows.z, freed)
-    covariance = prewhitened_long_run(influence[rows.kept], data.index[rows.kept])
-    return Estimate(data.names, values, covariance, influence, data.index, residuals, order, iteration)
+    index = data.index[rows.kept]
+    covariance, degrees = prewhitened_long_run(influence[rows.kept], index), _degrees(rows, inverse, residuals, influence, index)
+    widened = stdtrit(np.maximum(degrees, 1.0), 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2)
+    covariance = covariance * np.outer(widened, widened)
+    return Estimate(data.names, values, covariance, influence, data.index, residuals, order, iteration, degrees)
+
+
+def _degrees(rows: _Rows, inverse: np.ndarray, residuals: np.ndarray, influence: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """On how many independent errors the variance of each value (k,) rests."""
+    weights = np.einsum("kl,nal->nka", inverse, rows.z)
+    shares = np.einsum("nka,ab,nkb->nk", weights, residuals.T @ residuals, weights)
+    return degrees_of_freedom(influence[rows.kept], shares, index)
 
 
 def _checked(regressor: np.ndarray, target: np.ndarray, index: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -48,11 +48,13 @@ class Regressed:
 
     @property
     def record(self) -> dict[str, Any]:
-        """JSON types: parameters with both estimates and 95 % intervals, the test of their difference, errors by output."""
+        """JSON types: parameters with both estimates, 95 % intervals and on how many independent errors these rest (`degrees`), the test of
+        their difference, errors by output."""
 
-        def one(e: Estimate, k: int) -> dict[str, float]:
+        def one(e: Estimate, k: int) -> dict[str, float | None]:
             numbers = {"value": e.values[k], "standard_error": e.standard_error[k], "low": e.low[k], "high": e.high[k]}
-            return {n: float(v) for n, v in numbers.items()}
+            degrees = None if e.degrees is None or not np.isfinite(e.degrees[k]) else float(e.degrees[k])
+            return {**{n: float(v) for n, v in numbers.items()}, "degrees": degrees}
 
         rows = []
         for k, name in enumerate(self.best.names):

@@ -16,14 +16,40 @@ def prewhitened_long_run(scores: np.ndarray, index: np.ndarray, fitted: int = 0)
     left to the kernel, and `most_memory` bounds the factor that recolouring may add. Residuals of `fitted` parameters look less
     correlated than the errors are, which is corrected for (see `unbiased`).
     """
+    spread = _in_order(scores, index)
+    if len(spread) < SHORT:
+        return spread.T @ spread
+    white, memory = _prewhitened(spread, fitted)
+    return long_run(white, bandwidth(white)) / np.outer(1.0 - memory, 1.0 - memory)
+
+
+def degrees_of_freedom(scores: np.ndarray, shares: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """How many independent errors each variance (d,) of `prewhitened_long_run(scores, index)` rests on: few, where a few samples decide.
+
+    `shares` (m, d) are the variances that samples would add if all errors were of one size, w_i. The variance estimated with the Bartlett
+    weights K_ij of the kernel has the degrees (sum w_i)^2 / sum K_ij^2 w_i w_j (F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110;
+    for sandwiches R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169).
+    """
+    spread, weights = _in_order(scores, index), _in_order(shares, index)
+    lags = bandwidth(_prewhitened(spread, 0)[0]) if len(spread) >= SHORT else 0
+    pairs = np.sum(weights**2, axis=0)
+    for k in range(1, lags + 1):
+        pairs = pairs + 2.0 * (1.0 - k / (lags + 1)) ** 2 * np.sum(weights[:-k] * weights[k:], axis=0)
+    return np.divide(np.sum(weights, axis=0) ** 2, pairs, out=np.full(weights.shape[1], np.inf), where=pairs > 0)
+
+
+def _in_order(scores: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Scores by sample number from the first on, those of one number summed, missing ones zero."""
     first = int(np.min(index))
     spread = np.zeros((int(np.max(index)) - first + 1, scores.shape[1]))
     np.add.at(spread, index - first, scores)
-    if len(spread) < SHORT:
-        return spread.T @ spread
+    return spread
+
+
+def _prewhitened(spread: np.ndarray, fitted: int) -> tuple[np.ndarray, np.ndarray]:
+    """The columns less what the sample before foretells of them, and how much that is (d,)."""
     memory = np.clip(unbiased(first_correlation(spread), len(spread), fitted), 0.0, most_memory(len(spread), fitted))
-    white = spread - memory * np.vstack([spread[:1], spread[:-1]])
-    return long_run(white, bandwidth(white)) / np.outer(1.0 - memory, 1.0 - memory)
+    return spread - memory * np.vstack([spread[:1], spread[:-1]]), memory
 
 
 def unbiased(r: np.ndarray, n: int, fitted: int) -> np.ndarray:

@@ -8,6 +8,7 @@ from plantfit.report.figures.fit import fit_figure
 from plantfit.report.numbers import interval, plus_minus, unit_label
 
 POINTS = 3000
+FEW = 8.0  # degrees of freedom below which an interval is a quarter wider than 1.96 standard errors of many
 COLUMNS = ("coefficient", "unit", "instrumental variables", "95 % interval", "least squares", "95 % interval")
 
 
@@ -37,6 +38,7 @@ def sentences_of(record: Mapping[str, Any]) -> list[dict[str, str]]:
         said.append({"level": "warning", "sentence": f"{test['sentence']} Use the instrumental variables."})
     else:
         said.append({"level": "good", "sentence": test["sentence"]})
+    said += _resting_on_few(record)
     for name, value in record["held"].items():
         said.append({"level": "info", "sentence": f"{name} was held at {value:g}."})
     if record["apart"]:
@@ -50,6 +52,20 @@ def sentences_of(record: Mapping[str, Any]) -> list[dict[str, str]]:
             told = ", ".join(f"{o} {v:.3g} {record['outputs'][o] or ''}".rstrip() for o, v in errors.items())
             said.append({"level": "info", "sentence": f"RMSE of the {word} samples after the filter: {told}."})
     return said
+
+
+def _resting_on_few(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """A sentence on coefficients that a few samples decide."""
+    few = {p["name"]: (p["instrumental_variables"] or p["least_squares"])["degrees"] for p in record["parameters"]}
+    few = {n: d for n, d in few.items() if d is not None and d < FEW}
+    if not few:
+        return []
+    told = ", ".join(f"{n} on about {max(1.0, d):.0f}" for n, d in few.items())
+    sentence = (
+        f"Few samples decide: of {record['rows']} rows' errors, {told} independent ones. These intervals are wider for it (Student's t); "
+        "move what shows them more often."
+    )
+    return [{"level": "info", "sentence": sentence}]
 
 
 def page_of(record: Mapping[str, Any], recordings: Any) -> dict[str, Any]:
