@@ -60,10 +60,9 @@ def _resting_on_few(record: Mapping[str, Any]) -> list[dict[str, str]]:
     few = {n: d for n, d in few.items() if d is not None and d < FEW}
     if not few:
         return []
-    told = ", ".join(f"{n} on about {max(1.0, d):.0f}" for n, d in few.items())
+    told = " and ".join(f"{n} (about {max(1.0, d):.0f} independent errors)" for n, d in few.items())
     sentence = (
-        f"Few samples decide: of {record['rows']} rows' errors, {told} independent ones. These intervals are wider for it (Student's t); "
-        "move what shows them more often."
+        f"Few of the {record['rows']} rows decide {told}; the intervals are wider for it (Student's t). Move what shows them more often."
     )
     return [{"level": "info", "sentence": sentence}]
 
