@@ -74,10 +74,11 @@ def measured(case: str, seed: int) -> dict[str, Any]:
     """One record: what was promised and what became of the truth, for the PID on all plants and the one on the best fit."""
     import plantfit as pf
     from plantfit.control.tune.frequency import frequencies, sampled_response
-    from plantfit.control.tune.loop_design import FINE, judged_on
+    from plantfit.control.tune.loop_design import FINE
     from plantfit.control.tune.loop_scores import Judge
     from plantfit.control.tune.one_loop import OneLoop
     from plantfit.control.tune.reduction import integrators, slowest
+    from plantfit.control.tune.searching.judged import judged_on
 
     rng = np.random.default_rng([seed, list(CASES).index(case)])
     truth = {n: float(np.exp(rng.uniform(*np.log(ends)))) for n, ends in BOX.items()}

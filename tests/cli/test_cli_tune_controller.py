@@ -304,9 +304,10 @@ def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_pla
     """Both forms, 1000 plants that judge and 1000 others of the same distribution; page and C file of the LQI."""
     import plantfit as pf
     from plantfit.control.tune.frequency import frequencies, sampled_response
-    from plantfit.control.tune.loop_design import FINE, judged_on
+    from plantfit.control.tune.loop_design import FINE
     from plantfit.control.tune.loop_scores import Judge
     from plantfit.control.tune.reduction import slowest
+    from plantfit.control.tune.searching.judged import judged_on
     from plantfit.control.tune.stated import toleranced
     from plantfit.report.pages.controller import write_controller_page
 

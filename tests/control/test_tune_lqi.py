@@ -15,9 +15,9 @@ from plantfit.control.linear.servo import Servo, servo, servo_response, unstable
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.forms.servo_forms import lqi_form
 from plantfit.control.tune.frequency import frequencies, input_matrices, margins, sampled_response
-from plantfit.control.tune.loop_design import judged_on
 from plantfit.control.tune.loop_scores import Judge, from_rest
 from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.searching.judged import judged_on
 from plantfit.control.tune.told import table, verdict
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.errors import SimulationError

@@ -8,10 +8,11 @@ import pytest
 import plantfit.runtime  # noqa: F401
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.frequency import frequencies, sampled_response
-from plantfit.control.tune.loop_design import BEST_FIT, judged_on
+from plantfit.control.tune.loop_design import BEST_FIT
 from plantfit.control.tune.loop_scores import Judge
 from plantfit.control.tune.plant_checks import sign_of
 from plantfit.control.tune.proposals import noise_of, quantum_of
+from plantfit.control.tune.searching.judged import judged_on
 from plantfit.control.tune.told import verdict
 from plantfit.errors import SimulationError
 from plantfit.models.text.equations import equations

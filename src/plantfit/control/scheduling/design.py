@@ -11,22 +11,12 @@ from plantfit.control.pid import Gains, Settings, checked
 from plantfit.control.scheduling.law import Schedule, scheduled_pid
 from plantfit.control.tune.forms.form import Form, change
 from plantfit.control.tune.frequency import frequencies, pid_response
-from plantfit.control.tune.loop_design import (
-    FINE,
-    ROBUST,
-    Judged,
-    LoopDesign,
-    Row,
-    course_seconds,
-    judged_on,
-    responses_of,
-    row_of,
-    tuned_loop,
-)
+from plantfit.control.tune.loop_design import FINE, ROBUST, LoopDesign, course_seconds, responses_of, tuned_loop
 from plantfit.control.tune.loop_scores import Judge, Limits, LoopScores, slewed
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import check_holds
 from plantfit.control.tune.reduction import integrators, reduced, slowest
+from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError
 

@@ -7,22 +7,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.pid import Gains
 from plantfit.control.steps.robust import stacked_controllers
 from plantfit.control.tune.forms.cascade_form import cascade_form
 from plantfit.control.tune.forms.form import Form
 from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.forms.servo_forms import lqi_form, mpc_form
 from plantfit.control.tune.forms.smith_form import smith_form
-from plantfit.control.tune.frequency import Margins, frequencies, loop_margins, noise_at_input, open_loop, sampled_response
-from plantfit.control.tune.loop_scores import Judge, LoopScores, StepAndLoad
+from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.loop_scores import Judge, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
 from plantfit.control.tune.plant_checks import check_dead_time, check_holds, check_inner, check_reached, held_by_limits, sign_of, with_rest
 from plantfit.control.tune.reduction import Reduced, integrators, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.figures import figure, known_figures, sizes_of, weights_of
 from plantfit.control.tune.searching.front import Front, check_front, front_of
-from plantfit.control.tune.searching.search import Search, noises
+from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
+from plantfit.control.tune.searching.search import Search
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes, check_wishes
 from plantfit.errors import SimulationError, SpecError
@@ -34,40 +34,6 @@ MOST_SAMPLES = 4000
 STARTED = 8  # starts of a form that a front is begun at too
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
 BESIDE = ", all plants"  # after the names of other forms that are searched on the same plants
-
-
-class Judged(NamedTuple):
-    """Controllers on plants, arrays (controllers, plants): `scores`, `ms`, `stable`, standard deviation `input_noise` of the input by the
-    noise (share of its range), `kept` whether all wishes are, `meets` (controllers, plants, k) which `specifications` are, each alone."""
-
-    scores: LoopScores
-    ms: np.ndarray
-    stable: np.ndarray
-    input_noise: np.ndarray
-    kept: np.ndarray
-    meets: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One controller of the table: its name, `form`, `parameters` and `source`; `scores` and `margins` on the best fit, the `share` of
-    plants that keep the wishes and the `worst` tenth of overshoot, Ms and IAE (their 90 % quantiles)."""
-
-    name: str
-    form: Form
-    parameters: Any
-    source: str
-    scores: LoopScores
-    margins: Margins
-    share: float
-    worst: Mapping[str, float]
-
-    @property
-    def gains(self) -> Gains:
-        """Of a PID, in parallel form; raises SimulationError for another form."""
-        if not isinstance(self.parameters, Gains):
-            raise SimulationError(f"An {self.form.name} has no Kp, Ki and Kd; its parameters are {', '.join(self.parameters._fields)}.")
-        return self.parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +116,50 @@ def tuned_loop(
     figures, `points` controllers none of which is better in all of them are searched besides; number `pick` of them is the one tuned.
     Raises SimulationError for a plant that is unstable, that has no gain, or that the limits cannot hold at the set point.
     """
+    _check_asked(wishes, front, points, pick)
+    plants = _plants(train, family, wishes)
+    small = plants.small
+    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
+    pid = pid_form(small, plants.sign, wishes, rules, plants.tracking)
+    forms = [*_ahead_of_pid(plants.family, plants.rest, small, plants.sign, wishes, plants.tracking), pid]
+    judges = {form.name: plants.judge(form, wishes) for form in forms}
+    slow, count = slowest(small), integrators(plants.rest)
+    w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
+    alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
+    simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
+    sizes = sizes_of(simc, wishes, 0.5 * plants.course.seconds)
+    named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
+    named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
+    rows, found = _rows(plants, wishes, forms, judges, named, fine, count)
+    drawn = None if line is None else _judged_front(
+        line, judges[forms[0].name], forms[0], responses_of(plants.family, plants.rest, forms[0], wishes.period, fine), fine, wishes,
+        count + forms[0].integrators, pick,
+    )  # fmt: skip
+    return LoopDesign(
+        wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held, plants.right_sign,
+        plants.used, plants.tracking, drawn,
+    )  # fmt: skip
+
+
+class _Asked(NamedTuple):
+    """Figures of a front (none: no front), how many points, and which of them is to be the controller."""
+
+    figures: tuple[str, ...]
+    points: int
+    pick: int | None
+
+
+class _Named(NamedTuple):
+    """A controller that is to stand in the table."""
+
+    name: str
+    form: Form
+    parameters: Any
+    source: str
+
+
+def _check_asked(wishes: Wishes, front: tuple[str, ...], points: int, pick: int | None) -> None:
+    """Raise SpecError for wishes and fronts that cannot be."""
     check_wishes(wishes)
     known_figures(tuple(wishes.minimise), "minimise")
     known_figures(front, "front")
@@ -157,70 +167,103 @@ def tuned_loop(
         check_front(front, points)
     elif pick is not None:
         raise SpecError("pick chooses a point of a front; give front too, as in iae,input_noise.")
+
+
+@dataclass(frozen=True, eq=False)
+class _Plants:
+    """Plants that rest at the set point and come from `starts` below it: those of the search first, then the fresh ones.
+
+    `used` are the rows of the fresh ones that rest at both levels, `held` and `right_sign` shares of all fresh ones.
+    """
+
+    loops: tuple[OneLoop, OneLoop]
+    starts: tuple[Rest, Rest]
+    rests: tuple[Rest, Rest]
+    used: np.ndarray
+    held: float
+    right_sign: float
+    sign: int
+    small: Reduced
+    course: StepAndLoad
+    tracking: float | None
+
+    @property
+    def family(self) -> OneLoop:
+        return self.loops[1]
+
+    @property
+    def rest(self) -> Rest:
+        return self.rests[1]
+
+    def judge(self, form: Form, wishes: Wishes, which: int = 1) -> Judge:
+        """Of controllers of a form on the fresh plants, or on those of the search (`which` 0)."""
+        return Judge.of(self.loops[which], self.starts[which], self.course, wishes.quantum, form, wishes.inner_quantum)
+
+
+def _plants(train: OneLoop, family: OneLoop, wishes: Wishes) -> _Plants:
+    """The plants at rest at both levels. Raises SimulationError for plants that no controller of a loop can be searched for."""
     levels = (wishes.set_point - wishes.step, wishes.set_point)
     middle = (wishes.lower + 0.1 * (wishes.upper - wishes.lower), 0.5 * (wishes.lower + wishes.upper), wishes.upper)
-    rests = [[plant.at_rest(level, middle) for level in levels] for plant in (train, family)]
-    start, rest = rests[1]
-    check_holds(family, start, rest, wishes)
-    check_reached(family, rest)
-    sign, wrong = sign_of(rest)
-    whole = [with_rest(pair) for pair in rests]
-    held, right = float(np.mean(held_by_limits(rests[1], wishes))), float(1.0 - np.mean(wrong))
-    train, family = train.part(whole[0]), family.part(whole[1])
-    first = [_part(r, whole[0]) for r in rests[0]]
-    start, rest = (_part(r, whole[1]) for r in rests[1])
-    small = reduced(rest, 0.5 * wishes.period)
+    both = [(plant.at_rest(levels[0], middle), plant.at_rest(levels[1], middle)) for plant in (train, family)]
+    check_holds(family, *both[1], wishes)
+    check_reached(family, both[1][1])
+    sign, wrong = sign_of(both[1][1])
+    whole = [with_rest(pair) for pair in both]
+    starts, rests = ((_part(both[0][k], whole[0]), _part(both[1][k], whole[1])) for k in (0, 1))
+    small = reduced(rests[1], 0.5 * wishes.period)
     check_dead_time(small, wishes)
-    course, tracking = _course(small, wishes), _tracking(small, wishes)
-    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
-    pid = pid_form(small, sign, wishes, rules, tracking)
-    forms = [*_ahead_of_pid(family, rest, small, sign, wishes, tracking), pid]
-    judges = {form.name: Judge.of(family, start, course, wishes.quantum, form, wishes.inner_quantum) for form in forms}
-    slow, count = slowest(small), integrators(rest)
-    w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
-    alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
-    simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
-    sizes = sizes_of(simc, wishes, 0.5 * course.seconds)
-    named: list[tuple[str, Form, Any, str]] = []
+    return _Plants(
+        (train.part(whole[0]), family.part(whole[1])), starts, rests, np.flatnonzero(whole[1]),
+        float(np.mean(held_by_limits(both[1], wishes))), float(1.0 - np.mean(wrong)), sign, small, _course(small, wishes),
+        _tracking(small, wishes),
+    )  # fmt: skip
+
+
+def _searched(
+    plants: _Plants, wishes: Wishes, forms: Sequence[Form], sizes: Any, w: np.ndarray, budget: int, seed: int,
+    progress: Callable[[Any], None] | None, asked: _Asked,
+) -> tuple[list[_Named], Front | None]:  # fmt: skip
+    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; and the front, if asked for."""
+    named: list[_Named] = []
     line: Front | None = None
     at_last: np.ndarray | None = None  # points of the form before, which an MPC begins at: its weights are those of an LQI
     for form in reversed(forms):
-        h = responses_of(train, first[1], form, wishes.period, w)
-        judge = Judge.of(train, first[0], course, wishes.quantum, form, wishes.inner_quantum)
-        search = Search(judge, h, w, wishes, form, sizes, weights_of(wishes.minimise))
+        h = responses_of(plants.loops[0], plants.rests[0], form, wishes.period, w)
+        search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise))
         starts = form.starts if form.plan is None or at_last is None else at_last
         nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, progress)
         robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, progress)
         at_last = np.stack([robust, nominal])
         source = "this search"
-        if front and form is forms[0]:
+        if asked.figures and form is forms[0]:
             known = np.concatenate([at_last, starts[:STARTED]])
-            line = front_of(search, front, known, points, max(300, budget), seed + 2, progress)
-            robust, source = _picked(line, pick, robust)
+            line = front_of(search, asked.figures, known, asked.points, max(300, budget), seed + 2, progress)
+            robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
-            named = [(ROBUST, form, best, source), (BEST_FIT, form, alone, "the same search on one plant"), *named]
+            named = [_Named(ROBUST, form, best, source), _Named(BEST_FIT, form, alone, "the same search on one plant"), *named]
         else:
-            named = [(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"), *named]
-    named += [(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
+            named = [_Named(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"), *named]
+    return named, line
+
+
+def _rows(
+    plants: _Plants, wishes: Wishes, forms: Sequence[Form], judges: Mapping[str, Judge], named: Sequence[_Named], w: np.ndarray, count: int
+) -> tuple[tuple[Row, ...], Judged]:
+    """The table of all controllers on the fresh plants; `count` poles of every loop lie at 1."""
     parts = []
     for form in forms:
-        of_form = [parameters for _, other, parameters, _ in named if other is form]
-        h = responses_of(family, rest, form, wishes.period, fine)
-        parts.append(judged_on(judges[form.name], form, of_form, h, fine, wishes, count + form.integrators))
-    order = np.argsort([k for form in forms for k, row in enumerate(named) if row[1] is form])
+        of_form = [one.parameters for one in named if one.form is form]
+        h = responses_of(plants.family, plants.rest, form, wishes.period, w)
+        parts.append(judged_on(judges[form.name], form, of_form, h, w, wishes, count + form.integrators))
+    order = np.argsort([k for form in forms for k, one in enumerate(named) if one.form is form])
     found: Judged = jax.tree.map(lambda *arrays: np.concatenate(arrays)[order], *parts)
-    alone = family.part(np.array([0])), _part(rest, np.array([0]))
+    alone = plants.family.part(np.array([0])), _part(plants.rest, np.array([0]))
     rows = tuple(
-        row_of(i, row, found, fine, responses_of(*alone, row[1], wishes.period, fine), count + row[1].integrators)
-        for i, row in enumerate(named)
+        row_of(i, one, found, w, responses_of(*alone, one.form, wishes.period, w), count + one.form.integrators)
+        for i, one in enumerate(named)
     )  # fmt: skip
-    used = np.flatnonzero(whole[1])
-    drawn = None if line is None else _judged_front(
-        line, judges[forms[0].name], forms[0], responses_of(family, rest, forms[0], wishes.period, fine), fine, wishes,
-        count + forms[0].integrators, pick,
-    )  # fmt: skip
-    return LoopDesign(wishes, family, rest, course, small, sign, rows, found, judges, held, right, used, tracking, drawn)
+    return rows, found
 
 
 def _picked(line: Front, pick: int | None, robust: np.ndarray) -> tuple[np.ndarray, str]:
@@ -302,59 +345,3 @@ def _course(small: Reduced, wishes: Wishes) -> StepAndLoad:
         )
     ends = wishes.output_lower, wishes.output_upper
     return StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, seconds, wishes.period, *ends)
-
-
-def judged_on(
-    judge: Judge, form: Form, controllers: Sequence[Any], h: np.ndarray, w: np.ndarray, wishes: Wishes, count: int
-) -> Judged:  # fmt: skip
-    """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F), or (n, 2, F); `count` poles of
-    every loop lie at 1."""
-    scores = judge.scores(stacked_controllers(list(controllers)))
-    scores = LoopScores(*(np.asarray(v) for v in scores))
-    ms, stable, moved, wide = [], [], [], []
-    weights = np.gradient(w) / np.pi * wishes.period
-    for one in controllers:
-        c = form.response(one, w)
-        s = 1.0 / (1.0 + open_loop(c, h))
-        seen = loop_margins(c, h, w, count, form.unstable(one))
-        ms.append(seen.ms)
-        stable.append(seen.stable)
-        wide.append(np.stack([seen.gain >= wishes.gain_margin, seen.phase >= wishes.phase_margin], axis=-1))
-        moved.append(noise_at_input(c, s, weights, noises(wishes, form.inner)))
-    ms, stable = np.array(ms), np.array(stable)
-    with np.errstate(invalid="ignore"):
-        met = [
-            stable, scores.overshoot <= wishes.overshoot, ms <= wishes.ms, scores.left <= wishes.settled,
-            scores.outside <= wishes.tolerated, np.array(wide)[..., 0], np.array(wide)[..., 1], scores.settling <= wishes.settling,
-            scores.travel <= wishes.travel,
-        ]  # fmt: skip
-    meets = np.stack(met, axis=-1)
-    return Judged(scores, ms, stable, np.array(moved), np.all(meets, axis=-1), meets)
-
-
-def specifications(wishes: Wishes) -> dict[str, int]:
-    """What is asked for by name, with its place in `Judged.meets`; the last ones only where they are given."""
-    asked = {"stable": 0, f"overshoot {wishes.overshoot:g} %": 1, f"Ms {wishes.ms:g}": 2, "at the set point": 3}
-    ends = np.isfinite(wishes.output_lower) or np.isfinite(wishes.output_upper)
-    more = {
-        "within the limits": (4, ends), f"gain margin {wishes.gain_margin:g}": (5, wishes.gain_margin > 1),
-        f"phase margin {wishes.phase_margin:g} deg": (6, wishes.phase_margin > 0),
-        f"settling {wishes.settling:.4g} s": (7, np.isfinite(wishes.settling)),
-        f"travel {wishes.travel:.4g}": (8, np.isfinite(wishes.travel)),
-    }  # fmt: skip
-    return asked | {name: k for name, (k, given) in more.items() if given}
-
-
-def row_of(i: int, named: tuple[str, Form, Any, str], found: Judged, w: np.ndarray, h: np.ndarray, poles: int) -> Row:
-    """A row of the table: name, form, parameters and source of controller number `i` of `found`; `h` is the sampled response of the best
-    fit, `poles` count those of its loop at 1."""
-    name, form, parameters, source = named
-    first = LoopScores(*(float(v[i, 0]) for v in found.scores))
-    own = loop_margins(form.response(parameters, w), h, w, poles, form.unstable(parameters))
-    own = Margins(*(v[0].item() for v in own))
-
-    def high(values):
-        return float(np.quantile(np.where(np.isfinite(values), values, np.inf), 0.9, method="higher"))
-
-    worst = {"overshoot": high(found.scores.overshoot[i]), "ms": high(found.ms[i]), "iae": high(found.scores.iae[i])}
-    return Row(name, form, parameters, source, first, own, float(np.mean(found.kept[i])), worst)

@@ -11,9 +11,10 @@ from plantfit.control.scheduling.law import Schedule
 from plantfit.control.tune.forms.loop_poles import loop_poles
 from plantfit.control.tune.forms.pid_form import isa_of
 from plantfit.control.tune.frequency import frequencies, open_loop
-from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, Row, article, responses_of, specifications
+from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, LoopDesign, article, responses_of
 from plantfit.control.tune.reduction import slowest
 from plantfit.control.tune.rules import RULES
+from plantfit.control.tune.searching.judged import Row, specifications
 from plantfit.findings.record import Level
 from plantfit.findings.results.tuned_controller import CascadeLoop, Loop, PidLoop, PredictiveLoop, ScheduledLoop, ServoLoop, SmithLoop
 from plantfit.findings.verdict import Sentence
