@@ -48,7 +48,7 @@ release: $(DEV)  ## Build sdist and wheel twice, compare them, install the wheel
 check: $(DEV)  ## Lint, format, types, imports between rooms
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/ruff format --check src tests benchmarks
-	$(BIN)/pyright --threads 2
+	$(BIN)/pyright
 	$(BIN)/python -m pytest tests/test_import_graph.py
 
 bbob: $(DEV)  ## Hold the optimizers to other implementations on BBOB (hours); QUICK=1 for a look at one of them
