@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from plantfit.errors import RecordingError
+from plantfit.problem.measure.long_run import degrees_of_freedom, widening
 from plantfit.trust import RegressionPart, covariance, regression_covariance
 from plantfit.trust.intervals.covariance import Block
 
@@ -55,6 +56,11 @@ def test_one_target_agrees_with_the_covariance_of_a_fit():
     r *= 1e-4  # so small that the box, which is the prior of a fit, does not count
     expected = covariance(columns[0], r, [Block(slice(0, len(r)), np.arange(len(r)))], np.ones(3, bool))
     got = regression_covariance([RegressionPart(columns[0], r)])
+    # a fit's is not widened for few samples, which its floor stands for
+    weights = columns[0] @ np.linalg.inv(columns[0].T @ columns[0])
+    few = widening(degrees_of_freedom(weights * r[:, None], weights**2, np.arange(len(r))))
+    assert np.all((few > 1.0) & (few < 1.05))
+    got = got / np.outer(few, few)
     # a fit's is never below what white residuals would give
     white = np.diag(np.linalg.inv(columns[0].T @ columns[0])) * (r @ r) / (len(r) - 3)
     wider = np.sqrt(np.maximum(1.0, white / np.diag(got)))
@@ -94,3 +100,20 @@ def test_wrong_input_is_told_in_a_sentence():
         regression_covariance([RegressionPart(columns[0][:, [0, 0, 1]], ys[0])])
     with pytest.raises(RecordingError, match="missing value"):
         regression_covariance([RegressionPart(columns[0], np.full(50, np.nan))])
+
+
+@pytest.mark.parametrize(("length", "least"), [(5, 0.84), (12, 0.90), (60, 0.92)])
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_errors_of_what_one_short_move_tells_are_those_of_few_samples(length, least, rho):
+    """The second column is there in few of 300 rows: 1.96 standard errors of many held the truth in 46, 73 and 93 % at rho = 0."""
+    columns = np.c_[np.sin(np.arange(300) / 9.0), np.zeros(300)]
+    columns[200 : 200 + length, 1] = np.hanning(length + 2)[1:-1] * np.where(np.arange(length) % 2, 2.0, -2.0)
+    held, spread = [], []
+    for seed in range(300):
+        noise = np.random.default_rng(seed).normal(size=300)
+        errors = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], noise)
+        estimate = np.linalg.lstsq(columns, errors)[0]
+        spread.append(np.sqrt(np.diag(regression_covariance([RegressionPart(columns, errors - columns @ estimate)]))))
+        held.append(np.abs(estimate) < 1.96 * spread[-1])
+    assert np.all(np.mean(held, axis=0) >= [0.91, least]), np.mean(held, axis=0)
+    assert np.median(np.abs(np.array(spread))[:, 0]) < 0.5  # the first column is there throughout

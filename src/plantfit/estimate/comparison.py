@@ -7,7 +7,7 @@ from scipy import stats
 
 from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
-from plantfit.problem.measure.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import prewhitened_long_run, widening
 
 SURE = 0.01  # p-value below which a difference is called one
 
@@ -68,4 +68,8 @@ def _covariance(first: Estimate, second: Estimate) -> tuple[np.ndarray, bool]:
     a, b = first.influence, second.influence
     if a is None or b is None or first.index is None or second.index is None or not np.array_equal(first.index, second.index):
         return first.covariance + second.covariance, False
-    return prewhitened_long_run(a - b, first.index), True
+    covariance = prewhitened_long_run(a - b, first.index)
+    if first.degrees is not None and second.degrees is not None:  # the variance of the difference rests on as few samples
+        few = widening(np.minimum(first.degrees, second.degrees))
+        covariance = covariance * np.outer(few, few)
+    return covariance, True

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, ndtri, stdtrit
+from scipy.special import chdtrc
 
 from plantfit.errors import SearchError
-from plantfit.estimate.estimate import LEVEL, Estimate
+from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.whitening import usable, whitening
-from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
+from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run, widening
 
 ROUNDS = 10  # of residuals and whitening for one set of instruments
 APART = 0.01  # p-value below which estimates with and without whitening are taken to differ
@@ -143,8 +143,7 @@ def _estimate(data: _Data, rows: _Rows, values: np.ndarray, inverse: np.ndarray,
     influence[rows.kept] = np.einsum("kl,nml,nm->nk", inverse, rows.z, freed)
     index = data.index[rows.kept]
     covariance, degrees = prewhitened_long_run(influence[rows.kept], index), _degrees(rows, inverse, residuals, influence, index)
-    widened = stdtrit(np.maximum(degrees, 1.0), 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2)
-    covariance = covariance * np.outer(widened, widened)
+    covariance = covariance * np.outer(widening(degrees), widening(degrees))
     return Estimate(data.names, values, covariance, influence, data.index, residuals, order, iteration, degrees)
 
 

@@ -1,7 +1,9 @@
 """Long-run covariance: what sums of correlated series spread by."""
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
+LEVEL = 0.95  # of the intervals whose width allows for few degrees of freedom
 REGRESSORS = 10  # fitted parameters that bias a correlation, at most: not all of many are slow
 SHORT = 10  # samples below which no correlation is estimated
 
@@ -36,6 +38,11 @@ def degrees_of_freedom(scores: np.ndarray, shares: np.ndarray, index: np.ndarray
     for k in range(1, lags + 1):
         pairs = pairs + 2.0 * (1.0 - k / (lags + 1)) ** 2 * np.sum(weights[:-k] * weights[k:], axis=0)
     return np.divide(np.sum(weights, axis=0) ** 2, pairs, out=np.full(weights.shape[1], np.inf), where=pairs > 0)
+
+
+def widening(degrees: np.ndarray) -> np.ndarray:
+    """Factors (d,) of standard errors that rest on so many degrees of freedom: 1.96 of the product are the 95 % interval of Student's t."""
+    return stdtrit(np.maximum(degrees, 1.0), 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2)
 
 
 def _in_order(scores: np.ndarray, index: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import RecordingError
-from plantfit.problem.measure.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run, widening
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
     """Covariance (k, k) of the coefficients that minimise the weighted sum of squares over all parts.
 
     What each sample does to the estimate, (X'WX)^-1 x w r, is added up over the targets of a recording, whose errors may move
-    together, and its prewhitened long-run covariance taken (see `covariance`); recordings are independent.
+    together, and its prewhitened long-run covariance taken (see `covariance`); recordings are independent. It is widened to Student's t
+    where a few samples decide a coefficient (`degrees_of_freedom`).
     Raises RecordingError for shapes that do not fit, and for columns that determine fewer than k numbers (see `base_parameters`).
     """
     read = [_read(p) for p in parts]
@@ -42,15 +43,17 @@ def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
         )
     inverse = np.linalg.inv(triangle)
     bread = (inverse @ inverse.T) / np.outer(norms, norms)
-    spread = np.zeros((k, k))
+    spread, totals, squares = np.zeros((k, k)), np.zeros(k), np.zeros(k)
     for record in dict.fromkeys(p.record for p in parts):
-        chosen = [(c * (p.weight * r)[:, None] @ bread, at) for p, (c, r, at) in zip(parts, read, strict=True) if p.record == record]
-        first, last = min(at.min() for _, at in chosen), max(at.max() for _, at in chosen)
-        series = np.zeros((int(last - first) + 1, k))
-        for influence, at in chosen:
-            np.add.at(series, at - first, influence)
-        spread += prewhitened_long_run(series, np.arange(len(series)), k)
-    return 0.5 * (spread + spread.T) * n / max(1, n - k)
+        own = [(p, c, r, at) for p, (c, r, at) in zip(parts, read, strict=True) if p.record == record]
+        index = np.concatenate([at for *_, at in own])
+        scores = np.concatenate([c * (p.weight * r)[:, None] @ bread for p, c, r, _ in own])
+        spread += prewhitened_long_run(scores, index, k)
+        shares = np.concatenate([(p.weight * (c @ bread)) ** 2 * np.mean(r**2) for p, c, r, _ in own])
+        total = np.sum(shares, axis=0)
+        totals, squares = totals + total, squares + total**2 / degrees_of_freedom(scores, shares, index)
+    few = widening(np.divide(totals**2, squares, out=np.full(k, np.inf), where=squares > 0))
+    return 0.5 * (spread + spread.T) * np.outer(few, few) * n / max(1, n - k)
 
 
 def _read(p: RegressionPart) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
