@@ -28,4 +28,5 @@ def test_what_few_rows_decide_is_named(seed):
     (few,) = [s for s in said if "decide" in s]
     assert few.startswith("Few of the 400 rows decide M (about ")
     assert " and " not in few.split(";")[0]
+    assert "about 1 independent errors" not in few
     assert not [s for s in (v["sentence"] for v in sentences_of(record_of(False, seed))) if "decide" in s]

@@ -60,7 +60,8 @@ def _resting_on_few(record: Mapping[str, Any]) -> list[dict[str, str]]:
     few = {n: d for n, d in few.items() if d is not None and d < FEW}
     if not few:
         return []
-    told = " and ".join(f"{n} (about {max(1.0, d):.0f} independent errors)" for n, d in few.items())
+    counts = {n: round(max(1.0, d)) for n, d in few.items()}
+    told = " and ".join(f"{n} (about {c} independent error{'s' if c > 1 else ''})" for n, c in counts.items())
     sentence = (
         f"Few of the {record['rows']} rows decide {told}; the intervals are wider for it (Student's t). Move what shows them more often."
     )
