@@ -111,3 +111,42 @@ def test_other_commands_do_not_search_what_needs_instruments(capsys, monkeypatch
         said = call(capsys, monkeypatch, *words)
         assert said.code != 0
         assert said.err.count("\n") == 1
+
+
+DRIVE = """name = "drive"
+[recording.r]
+file = "drive.csv"
+time = "t [s]"
+signals = {{ position = "position [m]", force = "force [{force}]", wanted = "wanted [{wanted}]" }}
+[model]
+kind = "drive_regression"
+[regression]
+method = "instrumental variables"
+reference = {{ position = "wanted" }}
+derivatives = {{ position = ["velocity", "acceleration"] }}
+smoothing = 20.0
+band = 5.0
+"""
+
+
+@pytest.mark.parametrize(("force", "wanted"), [("N", "m"), ("kN", "m"), ("N", "mm"), ("V", "m"), ("N", "V")])
+def test_targets_and_references_are_converted_or_refused(capsys, monkeypatch, tmp_path, force, wanted):
+    """A force in kN was taken for one in N, and a voltage too."""
+    monkeypatch.chdir(tmp_path)
+    t, rng = np.arange(4000) * 0.005, np.random.default_rng(1)
+    x, v = 0.1 * np.sin(3 * t) + 0.05 * np.sin(7 * t), 0.3 * np.cos(3 * t) + 0.35 * np.cos(7 * t)
+    newton = 80 * (-0.9 * np.sin(3 * t) - 2.45 * np.sin(7 * t)) + 150 * v + 30 * np.sign(v) + 2 + rng.normal(0, 2, len(t))
+    shown = newton * {"kN": 1e-3}.get(force, 1.0)
+    columns = [t, x + 1e-5 * rng.normal(size=len(t)), shown, x * {"mm": 1e3}.get(wanted, 1.0)]
+    header = f"t [s],position [m],force [{force}],wanted [{wanted}]"
+    np.savetxt("drive.csv", np.stack(columns, axis=1), delimiter=",", header=header, comments="")
+    (tmp_path / "drive.toml").write_text(DRIVE.format(force=force, wanted=wanted), "utf-8")
+    said = call(capsys, monkeypatch, "run", "drive.toml", "--json")
+    if "V" in (force, wanted):
+        name, unit = ("force", "N") if force == "V" else ("wanted", "m")
+        assert said.code == 4
+        assert f"signal '{name}' is in 'V', which cannot be turned into the model's '{unit}'; correct one of them." in said.err
+        return
+    found = rows(said)
+    for name, true in (("M", 80.0), ("Fv", 150.0), ("Fc", 30.0)):
+        assert found[name]["instrumental_variables"]["value"] == pytest.approx(true, rel=0.05)

@@ -11,6 +11,7 @@ from plantfit.estimate.comparison import Comparison, compare_estimates
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.instrumental import instrumental_variables
 from plantfit.models.library.regression import LinearModel
+from plantfit.problem.measure.experiment import in_units
 from plantfit.problem.measure.filter_alike import filter_alike
 from plantfit.recording.clean.filters import lowpass
 from plantfit.recording.clean.sampling import uniform_period, with_signal
@@ -111,11 +112,16 @@ class InverseDynamics:
         return InverseFit(estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables")))
 
     def followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
-        """The recording with the angles that its controller was to follow, angle -> signal, in place of those measured."""
+        """The recording with the angles that its controller was to follow, angle -> signal, in place of those measured.
+
+        References are converted to the units of the angles. Raises RecordingError where one is missing, UnitError for another kind of unit.
+        """
         missing = [angle for angle in self.joints if angle not in reference]
         if missing:
             raise RecordingError(f"reference names no signal for {missing[0]!r}; give one for each of {list(self.joints)}.")
-        signals = {a: Signal(recording[n], recording.signals[a].unit) for a, n in reference.items()}
+        units = {n: recording.signals[a].unit for a, n in reference.items()}
+        meant = in_units(recording, units)
+        signals = {a: Signal(meant[n], units[n]) for a, n in reference.items()}
         return Recording(recording.t, {**recording.signals, **signals}, recording.name)
 
 

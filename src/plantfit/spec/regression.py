@@ -159,8 +159,9 @@ def _targets(
                     f"{where}: {o!r} is what the columns explain, and recording {name!r} does not have it; name its column under signals, "
                     f'or give a formula, as in targets = {{ {o} = "kt*i" }}.'
                 )
+    units = {o: model.outputs[o] for o in recorded}
     if not r.targets:
-        return lambda s: {o: s[o] for o in recorded}
+        return lambda s: _converted(s, units)
     first = next(iter(experiments.values())).recording
     known: dict[str, str | None] = {n: s.unit for n, s in first.signals.items()}
     for angle, (rate, acceleration) in ((a, (p[0], p[1])) for a, p in r.derivatives.items()):
@@ -178,9 +179,15 @@ def _targets(
         s = in_units(s, inputs)
         shape = s.t.shape
         found = made.output({}, {n: s[n] for n in inputs}, {})
-        return {o: np.broadcast_to(np.asarray(found[o], dtype=float), shape) for o in outputs} | {o: s[o] for o in recorded}
+        return {o: np.broadcast_to(np.asarray(found[o], dtype=float), shape) for o in outputs} | _converted(s, units)
 
     return of
+
+
+def _converted(recording: Recording, units: Mapping[str, str | None]) -> dict[str, np.ndarray]:
+    """Recorded targets in the units of the model's outputs."""
+    recording = in_units(recording, units)
+    return {o: recording[o] for o in units}
 
 
 def _power_below(model: LinearModel, instruments: Mapping[str, Recording]) -> float:
