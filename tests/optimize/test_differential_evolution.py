@@ -24,6 +24,7 @@ from plantfit.optimize.algorithms.differential_evolution.success_history import 
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.loop import population_loop as loop
 from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.generations import chunk_of
 from plantfit.optimize.loop.nested import Nested
 from plantfit.testing.objectives import bowl, corner, hopeless
 
@@ -264,7 +265,7 @@ def test_only_live_candidates_reach_the_cost():
 
     results = minimise(Objective(3, costs), "lshade", runs=4, budget=2000, seed=1, settings={"population": 60})
     jax.effects_barrier()
-    size = loop.chunk_of(60)
+    size = chunk_of(60)
     assert set(calls) == {size}
     spent = sum(r.evaluations for r in results)
     generations = len(calls)

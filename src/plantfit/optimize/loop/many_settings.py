@@ -18,7 +18,8 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
 from plantfit.optimize.contract import CostOfData, Facts, Info, Needs, Objective, Population
-from plantfit.optimize.loop.population_loop import BLOCK, PADDING, SIDE_BY_SIDE, first_carry, program
+from plantfit.optimize.loop.generations import BLOCK, PADDING, first_carry, program
+from plantfit.optimize.loop.population_loop import SIDE_BY_SIDE
 
 import jax
 import jax.numpy as jnp

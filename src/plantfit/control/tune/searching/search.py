@@ -17,7 +17,7 @@ from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SearchError
 from plantfit.optimize import Objective, minimise
 from plantfit.optimize.contract import CostOfData
-from plantfit.optimize.loop.population_loop import LANES
+from plantfit.optimize.loop.generations import LANES
 
 import jax
 import jax.numpy as jnp
