@@ -17,6 +17,7 @@ from plantfit.findings import findings_schema
 from plantfit.models.extensions import KINDS
 from plantfit.models.library.catalogue import _PLACES
 from plantfit.models.text.functions import CALLS, SPECIAL
+from plantfit.optimize.registry import REGISTRY
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.spec.tables import json_schema
 
@@ -127,6 +128,13 @@ def test_pages_name_every_function_of_equations():
     text = page("models.md")
     listed = re.findall(r"\w+", text[text.index("Functions:") : text.index("constants pi and e")])
     assert [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text] == []
+
+
+def test_pages_name_every_method_of_search():
+    """The overview says how many there are beside `auto`, and `choosing.md` has all of them."""
+    (more,) = re.findall(r"`auto` \([^)]*\) and (\d+) more", page("overview.md"))
+    assert int(more) == len(REGISTRY) - 1
+    assert [name for name in REGISTRY if f"`{name}`" not in page("choosing.md")] == []
 
 
 def test_pages_name_every_stepper_and_every_addition():
