@@ -1,5 +1,8 @@
 """`plantfit --help`: every command once, in one line of at most 80 columns."""
 
+import inspect
+import re
+
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -10,6 +13,14 @@ from plantfit.cli.terminal.overview import SECTIONS, sections
 def test_every_command_stands_in_one_section():
     named = [name for rows in SECTIONS.values() for name in rows]
     assert sorted(named) == sorted(get_command(app).commands)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_work_of_a_command_lies_in_the_sub_room_of_its_section():
+    for rows in SECTIONS.values():
+        for name, (command, _) in rows.items():
+            section = command.__module__.rpartition(".")[2]
+            rooms = re.findall(r"plantfit\.cli\.commands\.(\w+)", inspect.getsource(command))
+            assert set(rooms) <= {section}, f"the work of `plantfit {name}` belongs to cli/commands/{section}/"
 
 
 def test_each_has_one_line_that_is_not_cut():
