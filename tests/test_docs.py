@@ -18,7 +18,7 @@ from plantfit.models.extensions import KINDS
 from plantfit.models.library.catalogue import _PLACES
 from plantfit.models.text.functions import CALLS, SPECIAL
 from plantfit.optimize.registry import REGISTRY
-from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.simulate.steps.registry import EXACT, FIXED, STEPPERS
 from plantfit.spec.tables import json_schema
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -139,6 +139,7 @@ def test_pages_name_every_method_of_search():
 
 def test_pages_name_every_stepper_and_every_addition():
     assert [name for name in STEPPERS if f'"{name}"' not in page("study-file.md")] == []
+    assert [name for name in ("auto", EXACT, *FIXED) if f'| `"{name}"` |' not in page("closed-loop.md")] == []
     assert [kind for kind in KINDS if f"`{kind}`" not in page("diagnosis.md")] == []
 
 
