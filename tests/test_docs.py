@@ -1,5 +1,6 @@
 """The docs site builds with every link checked, asks nothing of the net, and has every command, name and key."""
 
+import ast
 import json
 import os
 import re
@@ -48,13 +49,39 @@ def test_printed_lines_wrap_and_lines_of_python_do_not(site):
     assert 'class="language-python highlight"' in (site / "notebooks" / "dc_motor.html").read_text("utf-8")
 
 
+def looks_in(room: str, but: str = "") -> set[str]:
+    """The kinds of looks that files of a room make: the first argument of each `Look`, or what a name is bound to that stands there."""
+    found: set[str] = set()
+    for path in (ROOT / "src" / "plantfit" / room).glob("*.py"):
+        if path.name == but:
+            continue
+        tree = ast.parse(path.read_text("utf-8"))
+        kinds = [n.args[0] for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "Look"]
+        names = {kind.id for kind in kinds if isinstance(kind, ast.Name)}
+        pairs = [(n.targets[0], n.value) for n in ast.walk(tree) if isinstance(n, ast.Assign)]
+        for to, value in pairs:
+            if isinstance(to, ast.Tuple) and isinstance(value, ast.Tuple):
+                pairs += zip(to.elts, value.elts, strict=True)
+            elif isinstance(to, ast.Name) and to.id in names:
+                kinds.append(value)
+        found |= {kind.value for kind in kinds if isinstance(kind, ast.Constant)}
+    return found
+
+
+OF_RECORDINGS, OF_MODELS = looks_in("recording/looks", but="of_packages.py"), looks_in("trust/looks")
+
+
+def test_the_table_of_looks_has_every_kind():
+    rows = re.findall(r"^\| (?!look |-)([^|]+) \|", page("diagnosis.md").split("## Looks at the data")[1].split("\n## ")[0], re.MULTILINE)
+    assert {"constant", "feedback", "gaps"} <= OF_RECORDINGS
+    assert {"sampled slowly", "time unit", "not at rest"} <= OF_MODELS
+    assert {kind for row in rows for kind in row.split(", ")} == OF_RECORDINGS | OF_MODELS
+
+
 def test_every_addition_and_look_has_a_picture(site):
     """Of looks those at a signal or the clock; others are about bounds."""
-    page, table = (site / "what-it-looks-like.html").read_text("utf-8"), (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
-    looks = re.findall(r"^\| ([a-z, ]+) \|", table.split("## Looks at the data")[1].split("##")[0], re.MULTILINE)
-    named = {n for row in looks for n in row.split(", ")} - {"look", "sampled slowly", "short", "time unit", "not at rest"}
-    assert len(named) == 9
-    for name in (*KINDS, *named):
+    page = (site / "what-it-looks-like.html").read_text("utf-8")
+    for name in (*KINDS, *OF_RECORDINGS):
         assert f'src="pictures/{name}.svg"' in page, name
         picture = (site / "pictures" / f"{name}.svg").read_text("utf-8")
         assert picture.count("<polyline") >= (2 if name in KINDS else 1), name
