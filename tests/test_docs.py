@@ -64,7 +64,7 @@ def looks_in(room: str, but: str = "") -> set[str]:
                 pairs += zip(to.elts, value.elts, strict=True)
             elif isinstance(to, ast.Name) and to.id in names:
                 kinds.append(value)
-        found |= {kind.value for kind in kinds if isinstance(kind, ast.Constant)}
+        found |= {str(kind.value) for kind in kinds if isinstance(kind, ast.Constant)}
     return found
 
 

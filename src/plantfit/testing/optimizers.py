@@ -48,7 +48,7 @@ def check_bounds_and_budget(method: Any) -> None:
 
 def check_rows_of_a_generation(method: Any) -> None:
     """A population method asks for as many points as its `rows` says, under every budget that covers them."""
-    made = make(method) if isinstance(method, str) else method
+    made: Any = make(method) if isinstance(method, str) else method
     if hasattr(made, "run"):
         return
     for budget in (1, 7, BUDGET):
