@@ -159,7 +159,7 @@ def test_pages_name_every_function_of_equations():
 
 def test_pages_name_every_method_of_search():
     """The overview says how many there are beside `auto`, and `choosing.md` has all of them."""
-    (more,) = re.findall(r"`auto` \([^)]*\) and (\d+) more", page("overview.md"))
+    (more,) = re.findall(r"`auto` \([^)]*\) and (\d+) other methods", page("overview.md"))
     assert int(more) == len(REGISTRY) - 1
     assert [name for name in REGISTRY if f"`{name}`" not in page("choosing.md")] == []
 

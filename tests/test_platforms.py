@@ -398,5 +398,5 @@ def test_two_ctrl_c_with_the_facts_of_windows(tmp_path):
     process.send_signal(2)
     assert process.stderr.readline() == "Stopping.\n"
     process.send_signal(2)
-    out, error = process.communicate(timeout=60)
+    out, error = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, "motor stopped\n"), error

@@ -71,8 +71,8 @@ def static(problem: Problem, objective: Objective, seed: int) -> tuple[np.ndarra
         r, jacobian = whole(expand @ c)
         return r, jacobian @ expand
 
-    def chained(c: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        found = blocks(expand @ c)
+    def chained(c: np.ndarray, wanted: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        found = blocks(expand @ c, wanted)
         return [(r, j @ expand[np.ix_(rows, columns)]) for (r, j), rows, columns in zip(found, own, groups, strict=True)]
 
     guess = problem.space.cube(_physical(problem, PAPER_START)[None])[0]

@@ -197,7 +197,7 @@ def test_a_late_ctrl_c_does_not_end_in_a_traceback(tmp_path):
     process = started(at_exit + "work = lambda: None", tmp_path)
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    said, error = process.communicate(timeout=60)
+    said, error = process.communicate(timeout=600)
     assert (process.returncode, error) == (0, "")
     assert "cleaned up" in said
 

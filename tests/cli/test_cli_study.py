@@ -191,7 +191,7 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
             time.sleep(1.5)
             break
     child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=60)
+    _, err = child.communicate(timeout=600)
     assert child.returncode == 130, err
     assert "plantfit resume 1" in err
     assert call(capsys, monkeypatch, "resume").code == 0

@@ -24,8 +24,8 @@ def compiled(files) -> ctypes.CDLL:
     if shutil.which("gcc") is None or shutil.which("nm") is None:
         pytest.skip("gcc or nm is not on this machine: the exported C is not compiled")
     library = Path(files.source).with_suffix(".so")
-    subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", "-nostdlib", "-o", library, files.source], check=True, timeout=60)
-    needed = subprocess.run(["nm", "-D", "-u", library], check=True, capture_output=True, text=True, timeout=10).stdout
+    subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", "-nostdlib", "-o", library, files.source], check=True, timeout=600)
+    needed = subprocess.run(["nm", "-D", "-u", library], check=True, capture_output=True, text=True, timeout=100).stdout
     assert not [line for line in needed.split("\n") if " U " in line], needed
     return ctypes.CDLL(str(library))
 

@@ -1,5 +1,7 @@
 """Blocks of residuals with coordinates of their own."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from plantfit.optimize.loop.counter import Counter
 def blocks_of(targets, wave):
     """Per block two residuals: a curved valley, and waves that make local minima."""
 
-    def blocks(x):
+    def blocks(x, wanted):
         found = []
         for k, target in enumerate(targets):
             a, b = x[2 * k : 2 * k + 2]
@@ -69,7 +71,7 @@ def test_the_budget_holds_and_the_best_of_all_blocks_together_is_kept():
     assert counter.spent <= 25
     blocks = counter.objective.blocks
     assert blocks is not None
-    together = sum(r @ r for r, _ in blocks(counter.best_x))
+    together = sum(r @ r for r, _ in blocks(counter.best_x, np.ones(len(TARGETS), bool)))
     assert counter.best_cost == pytest.approx(together, rel=1e-12)
     assert np.all((counter.best_x >= 0) & (counter.best_x <= 1))
 
@@ -78,8 +80,8 @@ def test_a_block_that_fails_at_its_start_begins_elsewhere():
     whole = objective(TARGETS[:2])
     plain = blocks_of(TARGETS[:2], 0.0)
 
-    def sometimes(x):
-        found = plain(x)
+    def sometimes(x, wanted):
+        found = plain(x, wanted)
         return [(np.full(3, np.nan), j) if x[0] > 0.8 and k == 0 else (r, j) for k, (r, j) in enumerate(found)]
 
     broken = Objective(**{**whole.__dict__, "blocks": sometimes})
@@ -94,6 +96,24 @@ def test_the_same_seed_gives_the_same_bits():
     for a, b in zip(*runs, strict=True):
         assert a.cost == b.cost
         np.testing.assert_array_equal(a.x, b.x)
+
+
+def test_blocks_at_their_end_are_not_computed_again_and_no_bit_changes():
+    whole, plain = objective(TARGETS, wave=0.3), blocks_of(TARGETS, 0.3)
+    asked = []
+
+    def few(x, wanted):
+        asked.append(np.array(wanted))
+        return [pair if w else (np.full(3, np.nan), np.full((3, 2), np.nan)) for pair, w in zip(plain(x, wanted), wanted, strict=True)]
+
+    def searched(made):
+        counter = Counter(made, 600)
+        status = separable_least_squares(counter, np.random.default_rng(3).random(8), agree=2, max_steps=500)
+        return status, counter.best_x.tobytes(), counter.best_cost, counter.spent, counter.history
+
+    assert searched(whole) == searched(dataclasses.replace(whole, blocks=few))
+    assert np.all(asked[-1])  # the answer of all blocks together is computed as a whole
+    assert not np.all(asked)
 
 
 def test_a_search_that_crawls_gives_way_but_its_answer_counts():

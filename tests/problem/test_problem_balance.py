@@ -58,6 +58,8 @@ def test_separate_recordings_keep_their_shares():
     values = problem.space.physical(z)
     means = [np.mean((problem.predict(values, n)["x"] - e.recording["x"]) ** 2) for n, e in problem.experiments.items()]
     np.testing.assert_allclose(shares, np.array(means) / 2, rtol=1e-10)
+    short = problem.separable_blocks(z, np.array([False, True]))[1]
+    assert [a.tobytes() for a in short] == [a.tobytes() for a in problem.separable_blocks(z)[1]]
 
 
 def test_a_regression_equals_weighted_least_squares():

@@ -119,6 +119,11 @@ def test_every_form_of_the_cost_is_the_same(kind):
     if problem.separable is not None:
         parts = problem.separable_blocks(z)
         assert sum(float(a @ a) for a, _ in parts) == pytest.approx(cost, rel=1e-10)
+        for k, (r, by) in enumerate(parts):
+            alone = problem.separable_blocks(z, np.arange(len(parts)) == k)
+            assert alone[k][0].tobytes() == r.tobytes()
+            assert alone[k][1].tobytes() == by.tobytes()
+            assert all(len(a) == 0 for n, (a, _) in enumerate(alone) if n != k)
     v = np.random.default_rng(6).normal(size=len(z))
     step = 1e-5 * v
     slope = float(problem.costs((z + step)[None])[0] - problem.costs((z - step)[None])[0])

@@ -23,4 +23,4 @@ def drawn(path, profile):
     if not chromium:
         pytest.skip("no Chromium here: install chromium to check the drawn page")
     words = [chromium, *OPTIONS, f"--user-data-dir={profile}", "--dump-dom", path.as_uri()]
-    return subprocess.run(words, capture_output=True, text=True, timeout=90).stdout
+    return subprocess.run(words, capture_output=True, text=True, timeout=300).stdout

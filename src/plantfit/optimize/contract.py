@@ -131,9 +131,10 @@ class Objective:
     costs +inf. `value_and_gradient` maps (d,) to (float, (d,)); `residuals_and_jacobian` maps (d,)
     to ((m,), (m, d)) with cost = mean(residuals**2); `compressed` likewise in few rows with the same
     mean square, gradient and Gauss-Newton matrix, for plain least squares. `separable` are groups of
-    coordinates that partition the cube so that the cost is a sum over groups; `blocks` then gives for
+    coordinates that partition the cube so that the cost is a sum over groups; `blocks` then gives, at (d,), for
     each group its residuals (k,), with cost = sum of their squares, and their derivatives (k, q) by the
-    group's coordinates. Charges are in evaluations.
+    group's coordinates. Only the groups are asked for that its second argument, (groups,) of bool, names; the others may
+    hold any numbers. Charges are in evaluations.
     `start` (k, d) are warm starts, possibly empty. `batch_rows` maps (n, d) to ((n, k), (n, k, d)): rows with the same mean
     square, gradient and Gauss-Newton matrix as the residuals and Jacobians of n points, for methods that run many starts
     side by side. `projected` makes the same problem with the parameters solved for in which the residuals are affine,
@@ -149,7 +150,7 @@ class Objective:
     batch_rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     projected: Callable[[], "Projected | None"] | None = None
     separable: tuple[np.ndarray, ...] | None = None
-    blocks: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
+    blocks: Callable[[np.ndarray, np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
     gradient_charge: float = 3.0
     jacobian_charge: float = 5.0
     start: np.ndarray | None = None

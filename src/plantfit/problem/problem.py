@@ -380,11 +380,16 @@ class Problem:
         places = [np.concatenate([begin[n] + np.arange(counts[n]) for n in names]) for names in evaluator.recordings]
         return [(np.asarray(own), place) for own, place in zip(evaluator.local, places, strict=True)]
 
-    def separable_blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Residuals (k,) and derivatives (k, q) of every recording in few rows; the cost is the sum of their squares."""
-        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
+    def separable_blocks(self, z: Any, wanted: np.ndarray | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Residuals (k,) and derivatives (k, q) of every recording in few rows; the cost is the sum of their squares.
+
+        Of recordings that are not `wanted` (recordings,) there are no rows.
+        """
+        wanted = np.ones(len(self.evaluator.local), bool) if wanted is None else wanted
+        blocks = self.compiled["blocks"](jnp.asarray(z), self.evaluator.only(self.arguments, wanted))
         count = sum(r.shape[0] for r, _ in blocks)
-        small = (triangle(np.column_stack([np.asarray(j), np.asarray(r)])) / np.sqrt(count) for r, j in blocks)
+        rows = (np.column_stack([np.asarray(j), np.asarray(r)])[: None if w else 0] for (r, j), w in zip(blocks, wanted, strict=True))
+        small = (triangle(a) / np.sqrt(count) for a in rows)
         return [(a[:, -1], a[:, :-1]) for a in small]
 
     @cached_property

@@ -157,7 +157,8 @@ def _advance(counter: Counter, x: np.ndarray, blocks: list[Block]) -> None:
         p, promised = (np.zeros(len(b.own)), 0.0) if b.fresh or b.done else b.step()
         steps.append((p, promised))
         trial[b.own] = np.clip(b.x + p, 0.0, 1.0)
-    for b, (p, promised), (r, j) in zip(blocks, steps, counter.blocks(trial), strict=True):
+    known = [(b.residuals, b.jacobian) if b.done and not b.fresh else None for b in blocks]
+    for b, (p, promised), (r, j) in zip(blocks, steps, counter.blocks(trial, known), strict=True):
         if b.fresh:
             b.begin(trial[b.own], r, j)
         elif not b.done:

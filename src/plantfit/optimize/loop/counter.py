@@ -1,6 +1,6 @@
 """What a host method searches through: it counts, keeps the best point and enforces the budget."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +12,8 @@ from plantfit.optimize.contract import Objective, Projected
 from plantfit.optimize.local.damped_steps import Rows
 
 import jax
+
+Group = tuple[np.ndarray, np.ndarray]  # residuals (k,) and derivatives (k, q) of a separable group
 
 CHUNKS = (64, 16)  # candidates per compiled evaluation: two shapes for any number of points
 
@@ -167,11 +169,17 @@ class Counter:
         self._after()
         return rows
 
-    def blocks(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Residuals and derivatives of every separable group; a failed group has residuals that are not finite."""
+    def blocks(self, x: np.ndarray, known: Sequence[Group | None] | None = None) -> list[Group]:
+        """Residuals and derivatives of every separable group; a failed group has residuals that are not finite.
+
+        Those that are `known` at their part of x, None for a group that is not, are not computed again.
+        """
         assert self.objective.blocks is not None
+        assert self.objective.separable is not None
         self._charge(self.objective.jacobian_charge)
-        found = self.objective.blocks(x)
+        known = [None] * len(self.objective.separable) if known is None else known
+        made = self.objective.blocks(x, np.array([k is None for k in known]))
+        found = [m if k is None else k for m, k in zip(made, known, strict=True)]
         cost = float(sum(r @ r for r, _ in found))
         self._record(x, cost, cost, self.spent)
         self._after()

@@ -206,6 +206,12 @@ class BatchedRecords:
             for record, by, w in zip(self.picked, self._makers(z[self.local], numbers), self._roots(numbers), strict=True)
         ]
 
+    def only(self, numbers: Numbers, wanted: np.ndarray) -> Numbers:
+        """Numbers with which `_side_by_side` derives no interval of records that are not `wanted`."""
+        if numbers.records is None:
+            return numbers
+        return numbers._replace(records=numbers.records._replace(used=jnp.where(wanted, numbers.records.used, 0)))
+
     def _side_by_side(self, whole: RecordRows, local, numbers: Numbers) -> list[tuple[Any, Any]]:
         """`blocks` of whole records; raises NativeUnsupported."""
         q = local.shape[1]

@@ -50,3 +50,7 @@ class Evaluator(Protocol):
     def blocks(self, z: Any, arguments: Any, /) -> list[tuple[Any, Any]]:
         """For every block its residuals (k,) and their derivatives (k, q) by its own coordinates."""
         ...
+
+    def only(self, arguments: Any, wanted: np.ndarray, /) -> Any:
+        """Arguments for `blocks` with which the blocks that are not `wanted`, (blocks,) of bool, may be anything, to save their time."""
+        ...

@@ -81,6 +81,10 @@ class MovingAndSteady:
         """For every moving record its residuals and derivatives by its own coordinates; then those of the others by all."""
         return [*self.moving.blocks(z, arguments[0]), self.steady.residuals_and_jacobian(z, arguments[1])]
 
+    def only(self, arguments: Any, wanted: np.ndarray) -> Any:
+        """Records that move may be left out."""
+        return self.moving.only(arguments[0], wanted[:-1]), arguments[1]
+
     @property
     def local(self) -> list[np.ndarray]:
         """Coordinates of every block."""

@@ -174,6 +174,10 @@ class Smoothed:
             made.append((jnp.r_[r * for_data, bends[here] * for_bends], jnp.concatenate([jacobian * for_data, slopes * for_bends])))
         return made
 
+    def only(self, arguments: Any, wanted: np.ndarray) -> Any:
+        """Those of `data`, and the strengths."""
+        return self.data.only(arguments[0], wanted), arguments[1]
+
     def _owners(self) -> list[np.ndarray]:
         """The bends (k,) of every block."""
         left, owners = self.smoothing.rows[0] != 0, []
