@@ -1,5 +1,6 @@
 """The docs site builds with every link checked, asks nothing of the net, and has every command, name and key."""
 
+import ast
 import json
 import os
 import re
@@ -17,7 +18,8 @@ from plantfit.findings import findings_schema
 from plantfit.models.extensions import KINDS
 from plantfit.models.library.catalogue import _PLACES
 from plantfit.models.text.functions import CALLS, SPECIAL
-from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.optimize.registry import REGISTRY
+from plantfit.simulate.steps.registry import EXACT, FIXED, STEPPERS
 from plantfit.spec.tables import json_schema
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,13 +49,39 @@ def test_printed_lines_wrap_and_lines_of_python_do_not(site):
     assert 'class="language-python highlight"' in (site / "notebooks" / "dc_motor.html").read_text("utf-8")
 
 
+def looks_in(room: str, but: str = "") -> set[str]:
+    """The kinds of looks that files of a room make: the first argument of each `Look`, or what a name is bound to that stands there."""
+    found: set[str] = set()
+    for path in (ROOT / "src" / "plantfit" / room).glob("*.py"):
+        if path.name == but:
+            continue
+        tree = ast.parse(path.read_text("utf-8"))
+        kinds = [n.args[0] for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "Look"]
+        names = {kind.id for kind in kinds if isinstance(kind, ast.Name)}
+        pairs = [(n.targets[0], n.value) for n in ast.walk(tree) if isinstance(n, ast.Assign)]
+        for to, value in pairs:
+            if isinstance(to, ast.Tuple) and isinstance(value, ast.Tuple):
+                pairs += zip(to.elts, value.elts, strict=True)
+            elif isinstance(to, ast.Name) and to.id in names:
+                kinds.append(value)
+        found |= {str(kind.value) for kind in kinds if isinstance(kind, ast.Constant)}
+    return found
+
+
+OF_RECORDINGS, OF_MODELS = looks_in("recording/looks", but="of_packages.py"), looks_in("trust/looks")
+
+
+def test_the_table_of_looks_has_every_kind():
+    rows = re.findall(r"^\| (?!look |-)([^|]+) \|", page("diagnosis.md").split("## Looks at the data")[1].split("\n## ")[0], re.MULTILINE)
+    assert {"constant", "feedback", "gaps"} <= OF_RECORDINGS
+    assert {"sampled slowly", "time unit", "not at rest"} <= OF_MODELS
+    assert {kind for row in rows for kind in row.split(", ")} == OF_RECORDINGS | OF_MODELS
+
+
 def test_every_addition_and_look_has_a_picture(site):
     """Of looks those at a signal or the clock; others are about bounds."""
-    page, table = (site / "what-it-looks-like.html").read_text("utf-8"), (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
-    looks = re.findall(r"^\| ([a-z, ]+) \|", table.split("## Looks at the data")[1].split("##")[0], re.MULTILINE)
-    named = {n for row in looks for n in row.split(", ")} - {"look", "sampled slowly", "short", "time unit", "not at rest"}
-    assert len(named) == 9
-    for name in (*KINDS, *named):
+    page = (site / "what-it-looks-like.html").read_text("utf-8")
+    for name in (*KINDS, *OF_RECORDINGS):
         assert f'src="pictures/{name}.svg"' in page, name
         picture = (site / "pictures" / f"{name}.svg").read_text("utf-8")
         assert picture.count("<polyline") >= (2 if name in KINDS else 1), name
@@ -129,8 +157,16 @@ def test_pages_name_every_function_of_equations():
     assert [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text] == []
 
 
+def test_pages_name_every_method_of_search():
+    """The overview says how many there are beside `auto`, and `choosing.md` has all of them."""
+    (more,) = re.findall(r"`auto` \([^)]*\) and (\d+) other methods", page("overview.md"))
+    assert int(more) == len(REGISTRY) - 1
+    assert [name for name in REGISTRY if f"`{name}`" not in page("choosing.md")] == []
+
+
 def test_pages_name_every_stepper_and_every_addition():
     assert [name for name in STEPPERS if f'"{name}"' not in page("study-file.md")] == []
+    assert [name for name in ("auto", EXACT, *FIXED) if f'| `"{name}"` |' not in page("closed-loop.md")] == []
     assert [kind for kind in KINDS if f"`{kind}`" not in page("diagnosis.md")] == []
 
 

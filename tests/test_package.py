@@ -102,7 +102,7 @@ def test_the_range_of_pythons_is_said_alike():
 def test_the_core_imports_no_extra():
     """Whatever an extra brings, and what SALib brings, stays out of the import of every room."""
     rooms = ["recording", "problem", "study", "spec", "trust", "report", "control", "rig", "fitting", "intervals_compared"]
-    rooms += ["cli.main", "cli.commands.judging.sensitivity"]
+    rooms += ["cli.main", "cli.commands.understand.sensitivity"]
     heavy = ["SALib", "pandas", "matplotlib", "distributed", "fastexcel", "psycopg", "serial", "control", "osqp", "blackjax", "optax"]
     loaded = f"print([n for n in {heavy} if n in sys.modules])"
     code = (

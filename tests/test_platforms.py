@@ -364,7 +364,7 @@ def test_ports_of_windows_and_macos(name, port, words, number, told, monkeypatch
 INTERRUPTED = """
 import sys, types
 sys.argv = ["plantfit", "methods"]
-import plantfit.cli.commands.catalogue as c
+import plantfit.cli.commands.reference.catalogue as c
 import plantfit.cli.terminal.interrupts as i
 class Seen:
     platform = "win32"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from cli_call import call
 
-import plantfit.cli.commands.catalogue as catalogue
+import plantfit.cli.commands.reference.catalogue as catalogue
 from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitWarning, SearchError
 

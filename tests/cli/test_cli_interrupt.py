@@ -17,7 +17,7 @@ def test_a_stopped_command_says_so(command, tmp_path):
     if command[0] == "demo":
         wait = "print('ready', flush=True); run_cli()"
     else:  # the signal comes while the command runs, wherever that is
-        wait = "import plantfit.cli.commands.catalogue as c; c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
+        wait = "import plantfit.cli.commands.reference.catalogue as c; c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}; {wait}"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -55,7 +55,7 @@ def compute():  # an exception that a callback raises is lost, as in parts of ja
 
 def started(code, tmp_path, command="methods"):
     begin = f"import sys; sys.argv = ['plantfit', {command!r}]\n"
-    begin += "import plantfit.cli.commands.catalogue as c\nc.methods = lambda *given: work()\n"
+    begin += "import plantfit.cli.commands.reference.catalogue as c\nc.methods = lambda *given: work()\n"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}{code}\nfrom plantfit.cli.start import run\nrun()"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},

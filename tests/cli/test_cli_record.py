@@ -242,5 +242,5 @@ def test_sparklines_and_traces():
 
 
 def test_recording_loads_no_jax():
-    code = "import sys, plantfit.cli.commands.at_bench.record, plantfit.rig.board; sys.exit('jax' in sys.modules)"
+    code = "import sys, plantfit.cli.commands.bench.record, plantfit.rig.board; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=600).returncode == 0

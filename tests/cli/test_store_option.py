@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from plantfit.cli.commands.design.tuned_study import answer_for
+from plantfit.cli.commands.next_step.tuned_study import answer_for
 from plantfit.errors import StoreError
 from plantfit.spec.tables import validated
 from plantfit.study.store.addresses import STORE, store_option

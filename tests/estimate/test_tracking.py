@@ -289,7 +289,7 @@ def test_a_time_that_goes_back_and_a_row_that_is_none_are_told():
 
 
 def test_a_file_is_followed_while_it_is_written(tmp_path, tracker):
-    from plantfit.cli.commands.at_bench.track import _File, _grown
+    from plantfit.cli.commands.bench.track import _File, _grown
 
     recording, file = lag.record(900, 240), tmp_path / "new.csv"
     lag.save(recording, tmp_path / "whole.csv")
@@ -321,7 +321,7 @@ def test_a_file_is_followed_while_it_is_written(tmp_path, tracker):
 
 def test_the_file_of_a_running_recorder_is_followed_over_gaps(tmp_path, tracker):
     """What `plantfit record` writes: OUT.part with a log above the header, empty rows where samples were lost, a new name at the end."""
-    from plantfit.cli.commands.at_bench.track import _source
+    from plantfit.cli.commands.bench.track import _source
     from plantfit.rig.board.part_file import PartFile, part_of
 
     recording = lag.record(901, 200)

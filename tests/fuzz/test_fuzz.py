@@ -14,7 +14,7 @@ from fuzz_cli import judged
 from fuzz_inputs import LAYERS, SHAPED, WORDS, drawn, mutated
 
 from fuzz import Hang, fed, fuzz, limited, main
-from plantfit.cli.commands.before.init import init
+from plantfit.cli.commands.begin.init import init
 from plantfit.errors import BoardError, EquationError, RecordingError, StoreError
 from plantfit.recording import describe, read
 from plantfit.recording.readers.panics import unheard

@@ -7,7 +7,12 @@ import pytest
 from plantfit.optimize import methods
 from plantfit.optimize.algorithms.random_search import RandomSearch
 from plantfit.testing import OPTIMIZER_CHECKS
-from plantfit.testing.optimizers import check_bounds_and_budget, check_no_favoured_place, check_same_seed_same_bits
+from plantfit.testing.optimizers import (
+    check_bounds_and_budget,
+    check_no_favoured_place,
+    check_rows_of_a_generation,
+    check_same_seed_same_bits,
+)
 
 import jax.numpy as jnp
 
@@ -42,14 +47,23 @@ class Centred(RandomSearch):
         return centre(state.shape[1]) + 1e-6 * (x - 0.5), state
 
 
+@dataclass(frozen=True)
+class Cut(RandomSearch):
+    """Says fewer rows than it asks for where the budget is small."""
+
+    def init(self, key, facts):
+        return jnp.zeros((self.population, facts.dimension))
+
+
 @pytest.mark.parametrize(
     ("broken", "check", "words"),
     [
         (Outside(), check_bounds_and_budget, "left the cube"),
+        (Cut(), check_rows_of_a_generation, "but `ask` returns points of shape"),
         (Stuck(), check_same_seed_same_bits, "the seed has no effect"),
         (Centred(), check_no_favoured_place, "depends on the place"),
     ],
-    ids=["outside", "stuck", "centred"],
+    ids=["outside", "cut", "stuck", "centred"],
 )
 def test_suite_catches(broken, check, words):
     with pytest.raises(AssertionError, match=words):

@@ -19,6 +19,7 @@ from plantfit.models import (
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.linear.affine import affine_by_structure, affine_coordinates
 from plantfit.recording.record import Recording, Signal
+from plantfit.simulate.steps.registry import FIXED
 from plantfit.space import Parameter
 
 import jax
@@ -250,7 +251,7 @@ MOVING += ["event at a state", "backlash", "dry friction", "table at a gain"]
 
 
 @pytest.mark.parametrize("name", MOVING)
-@pytest.mark.parametrize("stepper", ["exponential", "rosenbrock", "rk4"])
+@pytest.mark.parametrize("stepper", FIXED)
 def test_residuals_are_affine_to_rounding_in_what_is_found(name, stepper):
     lines, names, _, settings = TEXTS[name]
     made = problem(text(lines, names, **settings), stepper=stepper)

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from problem_batched_plants import Case, direct, plain_residuals, points
+from problem_batched_plants import PLAIN, Case, direct, plain_residuals, points
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.simulate.records.rows import RecordRows
+from plantfit.simulate.steps.registry import FIXED
 from plantfit.space import Parameter
 
 import jax
@@ -66,6 +67,11 @@ def anew(function, **options):
 def close(actual, expected, tolerance):
     expected = np.asarray(expected)
     np.testing.assert_allclose(actual, expected, rtol=tolerance, atol=tolerance * np.max(np.abs(expected)))
+
+
+def test_every_stepper_is_held_to_a_plain_loop():
+    assert {*FIXED} <= {*PLAIN}
+    assert {*FIXED} == {case.stepper for case in CASES.values()}
 
 
 @each_case

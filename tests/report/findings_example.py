@@ -43,7 +43,7 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
             {"cost": 0.19, "runs": 2, "share": 0.25, "parameters": {name: 1.4 * value for name, value in TRUTH.items()}},
         ],
         "simulation": {
-            "stepper": "rosenbrock2",
+            "stepper": "rosenbrock",
             "substeps": 2,
             "outputs": {
                 "w": {"unit": "rad/s", "max_error": 0.012, "rms_error": 0.003, "rms_residual": 0.8},

@@ -1,6 +1,7 @@
 import json
 import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
@@ -26,6 +27,11 @@ def every_figure(record):
     yield from (figures.weight_figure(c) for c in record.combinations)
     yield figures.convergence_figure(record.runs)
     yield figures.waterfall_figure(record.runs)
+
+
+def test_every_figure_is_called_by_a_test():
+    tests = "".join(p.read_text("utf-8") for p in Path(__file__).parent.glob("test_*.py"))
+    assert [name for name in figures.__all__ if name.endswith("_figure") and f"{name}(" not in tests] == []
 
 
 def test_plotly_accepts_every_figure(record):

@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.simulate import Simulator
 from plantfit.simulate.check.verify import check_steps, doubling_error
-from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.simulate.steps.registry import ADAPTIVE, EXACT, FIXED, STEPPERS
 from plantfit.simulate.steps.steppers import factored
 
 import jax
@@ -56,18 +56,24 @@ def exact_linear(hold: str, swing: float) -> np.ndarray:
     return np.array(found).T
 
 
-@pytest.mark.parametrize("stepper", ["rosenbrock", "rk4"])
+def test_steppers_without_a_function_of_their_own_have_a_file_of_tests():
+    assert {*STEPPERS} - {*FIXED} == {EXACT, ADAPTIVE}, "test_exact_stepper.py and test_adaptive_steps.py are of these"
+
+
+@pytest.mark.parametrize("stepper", FIXED)
 @pytest.mark.parametrize(("hold", "swing"), [("previous", 0.0), ("linear", 0.0), ("previous", 1.0), ("linear", 1.0)])
 def test_order_of_convergence(stepper, hold, swing):
-    expected = exact_linear(hold, swing)
-    sizes = [4, 8, 16] if stepper == "rk4" else [32, 64, 128]
+    """Of a linear rate without time some steppers have a higher order than the registry says."""
+    expected, order = exact_linear(hold, swing), STEPPERS[stepper].order
+    fewest = round(2.0 ** (8 - 1.5 * order))  # 32 for order 2, 4 for order 4: small errors, yet far above rounding
     errors = []
-    for substeps in sizes:
+    for substeps in (fewest, 2 * fewest, 4 * fewest):
         simulator = Simulator.of(linear_system(swing), stepper=stepper, substeps=substeps, hold={"u": hold})
         states = np.array(simulator.states({"unused": 0.0}, simulator.drive(T, {"u": U})))
         errors.append(np.max(np.abs(states - expected)))
     slopes = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert slopes == pytest.approx(STEPPERS[stepper].order, abs=0.1), errors
+    assert np.all(slopes > order - 0.1), errors
+    assert not swing or slopes == pytest.approx(order, abs=0.1), errors
 
 
 def decay() -> Model:

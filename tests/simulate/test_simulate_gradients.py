@@ -7,6 +7,7 @@ from simulate_plants import P, exact, record, stiff
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate import Simulator
 from plantfit.simulate.check.tight import follow
+from plantfit.simulate.steps.registry import FIXED
 
 import jax
 import jax.numpy as jnp
@@ -99,7 +100,7 @@ def test_all_derivatives_together_equal_those_of_a_tight_solver():
         assert sum(float(gradient[n]) * move[n] for n in move) == pytest.approx(expected, abs=0.01 * scale)
 
 
-@pytest.mark.parametrize("stepper", ["rosenbrock", "rk4"])
+@pytest.mark.parametrize("stepper", FIXED)
 def test_forward_and_reverse_derivatives_agree(stepper):
     simulator = simulator_of(substeps=4, stepper=stepper)  # rk4 is stable to 2.8 T1 = 56 ms
     t, u = record()

@@ -9,6 +9,7 @@ from plantfit.errors import RecordingError, SimulationError
 from plantfit.problem import Experiment, Problem
 from plantfit.recording import from_arrays
 from plantfit.simulate import Simulator
+from plantfit.simulate.steps.registry import FIXED
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +27,7 @@ def counter(condition, kind="rising", **more):
     return pf.equations(f"c' = 0\nwhen {kind}({condition}): c = c + 1", states={"c": ""}, outputs={"c": ""}, check=False, **more)
 
 
-@pytest.mark.parametrize(("stepper", "substeps"), [("exponential", 1), ("rosenbrock", 3), ("rk4", 10)])
+@pytest.mark.parametrize(("stepper", "substeps"), [(name, 1 + 4 * k) for k, name in enumerate(FIXED)])
 @pytest.mark.parametrize(
     ("condition", "kind", "moments"),
     [

@@ -3,6 +3,7 @@
 Two shapes share one registry and one result type. A `Population` method is a frozen record of
 settings with pure functions, so that the loop can vmap it over runs. A `Host` method drives
 itself (scipy, tree of populations) and counts its evaluations through the `Counter` it is given.
+A method has one of these shapes; docs/plug-ins.md, "A method", shows a whole one.
 """
 
 from collections.abc import Callable
@@ -48,7 +49,7 @@ class Population(Protocol):
     needs: ClassVar[Needs]
 
     def rows(self, facts: Facts) -> int:
-        """Rows that `ask` returns, fixed for the run."""
+        """Rows that `ask` returns, fixed for the run. The loop refuses a budget that does not cover them."""
         ...
 
     def init(self, key: Array, facts: Facts) -> State:
@@ -201,5 +202,5 @@ class Host(Protocol):
     needs: ClassVar[Needs]
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Any) -> Status:
-        """Minimise through `counter` (see loop.Counter), which records and enforces the budget."""
+        """Minimise through `counter` (see `optimize.loop.counter.Counter`), which records and enforces the budget."""
         ...

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from plantfit.errors import Status
-from plantfit.optimize import Checkpoint, Objective, RunResult, make, minimise
+from plantfit.optimize import Checkpoint, Facts, Objective, RunResult, make, minimise
 from plantfit.testing.objectives import OUTSIDE, bowl, centre, corner, flat, hopeless
 
+import jax
 import jax.numpy as jnp
 
 BUDGET = 1500
@@ -43,6 +44,23 @@ def check_bounds_and_budget(method: Any) -> None:
             _expect(
                 r.history_evaluations[-1] == r.evaluations and r.history_cost[-1] == r.cost, method, "the history does not reach the end"
             )
+
+
+def check_rows_of_a_generation(method: Any) -> None:
+    """A population method asks for as many points as its `rows` says, under every budget that covers them."""
+    made: Any = make(method) if isinstance(method, str) else method
+    if hasattr(made, "run"):
+        return
+    for budget in (1, 7, BUDGET):
+        facts = Facts(3, budget, np.zeros(3), np.ones(3))
+        if (rows := made.rows(facts)) > budget:
+            continue  # the loop refuses it
+
+        def asked(key: Any, facts: Facts = facts) -> Any:
+            return made.ask(key, made.init(key, facts))[0]
+
+        shape = jax.eval_shape(asked, jax.random.key(0)).shape
+        _expect(shape == (rows, 3), method, f"`rows` says {rows} with a budget of {budget}, but `ask` returns points of shape {shape}")
 
 
 def check_calls_within_budget(method: Any) -> None:
@@ -148,6 +166,7 @@ def check_310_dimensions(method: Any) -> None:
 
 CHECKS: list[Callable[[Any], None]] = [
     check_bounds_and_budget,
+    check_rows_of_a_generation,
     check_calls_within_budget,
     check_optimum_in_corner_beside_failures,
     check_nothing_works,

@@ -1,1 +1,1 @@
-"""The work of each command, one file for each or for a few that belong together; `cli/options/` says what they take."""
+"""The work of each command: a sub-room for each section of `plantfit --help`, under the name of its file in `cli/options/`."""

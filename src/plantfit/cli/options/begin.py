@@ -16,7 +16,7 @@ def demo(
     json: Json = False,
 ) -> None:
     """Work a demo that comes with plantfit, end to end, and write its reports."""
-    from plantfit.cli.commands import demos
+    from plantfit.cli.commands.begin import demos
 
     if list_:
         demos.listed(json)
@@ -42,7 +42,7 @@ def init(
     json: Json = False,
 ) -> None:
     """Say what the columns of a recording seem to be, and write a commented study file that runs."""
-    from plantfit.cli.commands.before import init as command
+    from plantfit.cli.commands.begin import init as command
 
     command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates, model)
 
@@ -63,7 +63,7 @@ def new(
     json: Json = False,
 ) -> None:
     """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the library."""
-    from plantfit.cli.commands.before import new as command
+    from plantfit.cli.commands.begin import new as command
 
     if parts or list_:
         return command.tell_parts(json) if parts else command.tell_plants(json)
@@ -83,7 +83,7 @@ def look(
     json: Json = False,
 ) -> None:
     """Look at a recording without equations: frequency and step response, delay, and how well any linear model does."""
-    from plantfit.cli.commands.before import look as command
+    from plantfit.cli.commands.begin import look as command
 
     command.look(file, input_ or [], output or [], recording, out, json)
 
@@ -106,7 +106,7 @@ def check(
     json: Json = False,
 ) -> None:
     """Read a study file and its recordings, say what was understood, and simulate once."""
-    from plantfit.cli.commands.judging import check as command
+    from plantfit.cli.commands.begin import check as command
 
     command.check(spec, verify, json, at or [], tolerance, holds, identify)
 

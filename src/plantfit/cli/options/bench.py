@@ -47,7 +47,7 @@ def excite(
     json: Json = False,
 ) -> None:
     """Make a signal that excites a plant, within limits, as CSV, as a C header, with a preview."""
-    from plantfit.cli.commands.at_bench import excite as command
+    from plantfit.cli.commands.bench import excite as command
 
     settings = {
         "rate": rate, "duration": duration, "seed": seed, "order": order, "hold": hold, "period": period, "periods": periods,
@@ -76,7 +76,7 @@ def record(
     json: Json = False,
 ) -> None:
     """Play an excitation on a board, or close a loop there, and record what it measures. Ctrl-C stops the motor first."""
-    from plantfit.cli.commands.at_bench import record as command
+    from plantfit.cli.commands.bench import record as command
 
     command.record(port, excitation, controller, out, duration, rate, baud, reconnect, force, json)
 
@@ -102,7 +102,7 @@ def track(
     json: Json = False,
 ) -> None:
     """Track states and parameters over new measurements, and raise an alarm when the plant leaves what the study knows of it."""
-    from plantfit.cli.commands.at_bench import track as command
+    from plantfit.cli.commands.bench import track as command
 
     command.track(given, recording, follow, idle, out, every, false_alarm, like, store, workers, force, json)
 
@@ -133,7 +133,7 @@ def rig(
     json: Json = False,
 ) -> None:
     """Record a virtual plant with constants of your own; the truth is written beside the record, RECORD.truth.json."""
-    from plantfit.cli.commands.at_bench import virtual_rig as command
+    from plantfit.cli.commands.bench import virtual_rig as command
 
     if name is None or list_:
         return command.listed(name, json)

@@ -25,7 +25,7 @@ def run(
 ) -> None:
     """Run a study, keep every run in the store, look for what is missing in its model where the residual is more than noise, and write
     the report. Ctrl-C saves; `plantfit resume` goes on."""
-    from plantfit.cli.commands import studies
+    from plantfit.cli.commands.fit import studies
 
     studies.run(specs, store, out, json, workers, scheduler, try_ or [], not no_diagnose)
 
@@ -42,14 +42,14 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with interrupted studies, bit for bit as if they had not stopped."""
-    from plantfit.cli.commands import studies
+    from plantfit.cli.commands.fit import studies
 
     studies.resume(study or [], store, out, json, workers, scheduler, not no_diagnose)
 
 
 def list_(store: StorePlace = STORE, json: Json = False) -> None:
     """List the studies of a store."""
-    from plantfit.cli.commands import studies
+    from plantfit.cli.commands.fit import studies
 
     studies.listed(store, json)
 
@@ -58,7 +58,7 @@ def report(
     study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, no_diagnose: NoDiagnose = False, json: Json = False
 ) -> None:
     """Write the report of a study again, or print its figures with --json."""
-    from plantfit.cli.commands import studies
+    from plantfit.cli.commands.fit import studies
 
     studies.report(study, store, out, json, not no_diagnose)
 
@@ -77,7 +77,7 @@ def predict(
     json: Json = False,
 ) -> None:
     """Simulate a study's model over a recording at its best parameters and write a CSV."""
-    from plantfit.cli.commands import predict as command
+    from plantfit.cli.commands.fit import predict as command
 
     command.predict(spec, out, values or [], study, recording, level if bands else None, store, json)
 

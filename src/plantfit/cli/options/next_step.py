@@ -38,7 +38,7 @@ def design(
     json: Json = False,
 ) -> None:
     """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for `record`, and a page."""
-    from plantfit.cli.commands.design import next_experiment as command
+    from plantfit.cli.commands.next_step import next_experiment as command
 
     limits = {"inputs": input_ or [], "limits": limit or [], "slew": slew or [], "noise": noise or []}
     asked = {
@@ -115,7 +115,7 @@ def tune(
     json: Json = False,
 ) -> None:
     """A controller (PID to MPC) from a finished study, tuned on every plant that the data allow: table, page, NAME-tune.json, C file."""
-    from plantfit.cli.commands.design import tune_controller as command
+    from plantfit.cli.commands.next_step import tune_controller as command
 
     wishes = {
         "step": step, "load": load, "output": output, "input": input_, "controller": controller, "period": period, "lower": lower,
@@ -148,7 +148,7 @@ def export(
     store: StorePlace = STORE,
 ) -> None:
     """Write the plant of a finished study for another program (--to); without --to the study itself, as `export-study` does."""
-    from plantfit.cli.commands.design import export_plant as command
+    from plantfit.cli.commands.next_step import export_plant as command
 
     if to is None:
         return command.export_study(study, json, parquet, out, store)

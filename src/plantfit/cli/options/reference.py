@@ -9,14 +9,14 @@ from plantfit.cli.options.shared import Json, Spec
 
 def methods(name: Annotated[str | None, typer.Argument(help="Show one method in full.")] = None, json: Json = False) -> None:
     """List the search methods and what they need, or one with its paper and settings."""
-    from plantfit.cli.commands import catalogue
+    from plantfit.cli.commands.reference import catalogue
 
     catalogue.methods(name, json)
 
 
 def models(name: Annotated[str | None, typer.Argument(help="Show one model in full.")] = None, json: Json = False) -> None:
     """List the models that come with plantfit."""
-    from plantfit.cli.commands import catalogue
+    from plantfit.cli.commands.reference import catalogue
 
     catalogue.models(name, json)
 
@@ -58,7 +58,7 @@ def tune_search(
     json: Json = False,
 ) -> None:
     """Tune the settings of a search method on your own problem, and say whether that paid. Ctrl-C keeps the best so far."""
-    from plantfit.cli.commands import tune_search as tune
+    from plantfit.cli.commands.reference import tune_search as tune
 
     tune.tune_search(spec, method, outer, budget, runs, trials, seed, only, ranges or [], hold or [], out, json)
 

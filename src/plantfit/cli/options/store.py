@@ -16,7 +16,7 @@ def export_study(
     store: StorePlace = STORE,
 ) -> None:
     """Write a study, finished or not, to a file that `plantfit import` brings back bit for bit."""
-    from plantfit.cli.commands import exchange
+    from plantfit.cli.commands.store import exchange
 
     exchange.export(study, json, parquet, out, store)
 
@@ -28,7 +28,7 @@ def import_(
     json: Json = False,
 ) -> None:
     """Bring exported studies into a store; an unfinished one goes on with `plantfit resume`."""
-    from plantfit.cli.commands import exchange
+    from plantfit.cli.commands.store import exchange
 
     exchange.import_(files, spec, store, json)
 
@@ -39,7 +39,7 @@ def merge(
     json: Json = False,
 ) -> None:
     """Bring the studies of other stores into this one; runs of the same study become one study."""
-    from plantfit.cli.commands import exchange
+    from plantfit.cli.commands.store import exchange
 
     exchange.merge(sources, store, json)
 

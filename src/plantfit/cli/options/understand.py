@@ -21,7 +21,7 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
-    from plantfit.cli.commands.judging import diagnose as command
+    from plantfit.cli.commands.understand import diagnose as command
 
     command.diagnose(spec, out, try_ or [], force, json)
 
@@ -56,7 +56,7 @@ def compare(
     Study files, or stored studies of different models of the same data: fits what is not fitted yet and says which predicts unseen data
     better, by how much, and what AICc and BIC choose. Otherwise the methods of the studies over their runs: who wins, by how much, how
     sure; studies of one problem are put together, studies of different problems are the replicates of one comparison."""
-    from plantfit.cli.commands.comparing import chosen
+    from plantfit.cli.commands.understand import chosen
 
     chosen.compare(given or [], store, out, latex, csv, target or [], floor, optimum, seed, models, linear, workers, json)
 
@@ -69,7 +69,7 @@ def compare_records(
     json: Json = False,
 ) -> None:
     """Fit each recording of a study alone; say whether they agree on the parameters, and which one no longer fits the others."""
-    from plantfit.cli.commands.comparing import records
+    from plantfit.cli.commands.understand import records
 
     records.compare_records(given, store, out, workers, json)
 
@@ -96,7 +96,7 @@ def intervals(
     json: Json = False,
 ) -> None:
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
-    from plantfit.cli.commands.comparing import intervals as command
+    from plantfit.cli.commands.understand import intervals as command
 
     numbers = {"replicates": replicates, "chains": chains, "draws": draws, "seed": seed}
     command.intervals(given, kinds, posterior, only, level, numbers, prior or [], out, save_draws, store, workers, json)
@@ -114,7 +114,7 @@ def estimate(
     json: Json = False,
 ) -> None:
     """Parameters by maximum likelihood and Kalman filters beside least squares; noise levels, and whether the methods agree."""
-    from plantfit.cli.commands.comparing import estimators
+    from plantfit.cli.commands.understand import estimators
 
     estimators.estimate(given, methods or [], store, out, workers, json)
 
@@ -143,7 +143,7 @@ def sensitivity(
     json: Json = False,
 ) -> None:
     """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""
-    from plantfit.cli.commands.judging import sensitivity as command
+    from plantfit.cli.commands.understand import sensitivity as command
 
     counts = {"trajectories": trajectories, "samples": samples, "seed": seed}
     command.sensitivity(spec, method, radius, box, groups or [], counts, confidence, values or [], study, page, store, json)
@@ -157,7 +157,7 @@ def combine(
     json: Json = False,
 ) -> None:
     """Write a study file whose parameters are the combinations that the data determine."""
-    from plantfit.cli.commands import combine as command
+    from plantfit.cli.commands.understand import combine as command
 
     command.combine(study, out, force, store, json)
 

@@ -43,7 +43,8 @@ AIM = 0.5  # of the tolerance that a refinement aims at
 
 
 def can_mesh(problem: Problem) -> bool:
-    """Whether a mesh can be made: sparse records of models that are smooth, without late states, and a stepper that is not exact."""
+    """Whether a mesh can be made: sparse records of a smooth model without late states, and a stepper that has a step on arrays
+    (`place_on_arrays` of `simulate.steps.registry.Stepper`)."""
     if not problem.predictor.has_steps:
         return False
     simulator = problem.predictor.stepping()

@@ -1,4 +1,4 @@
-"""Looks at one signal: constant, clipped, quantised, stuck, with spikes; and at an input that follows an output."""
+"""Looks at one signal: constant, missing, clipped, stuck, quantised, with spikes; and at an input that follows an output."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,10 @@ LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, cha
 
 def signal_looks(recording: Recording, name: str, measured: bool, settles: bool = False) -> Iterator[Look]:
     """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen by anyone;
-    `settles` for an input of a plant that moves by itself."""
+    `settles` for an input of a plant that moves by itself.
+
+    A signal with fewer than 10 finite samples is not looked at; of one that never moves nothing else is said, of an input nothing but that.
+    """
     t, y = recording.t, recording[name]
     good = np.isfinite(y)
     missing = len(y) - int(good.sum())

@@ -102,8 +102,8 @@ def closed_loop(
     name, and `sensor` or `actuator` is one for all or a mapping with one for each.
 
     `stepper` "exact" takes the matrix exponential over the period, for plants linear in states and
-    inputs; "rosenbrock" and "rk4" take `substeps` steps a period; "auto" is "exact" where possible, else
-    "rosenbrock". Dead time of the plant's own is followed exactly, up to `longest_delay` s (the upper bound of its
+    inputs; "rosenbrock", "exponential" and "rk4" take `substeps` steps a period; "auto" is "exact" where
+    possible, else "rosenbrock". Dead time of the plant's own is followed exactly, up to `longest_delay` s (the upper bound of its
     parameter where left out); where it is a table over the input, the input of now tells it.
     Raises SimulationError for an unknown name, a period or substeps that are not positive, "exact" on
     a plant that is not linear, or a plant with events or dry friction.

@@ -1,4 +1,8 @@
-"""The steppers by name. A new one is a function in `steppers.py` and a row here: study files, checks and meshes read this table.
+"""The steppers by name. A new one is a function in `steppers.py` and a row here: study files, checks and meshes read this table, and so do
+the tests of order, derivatives and events.
+
+A stepper that has to know its model has no `place`, as EXACT, or whose step chooses its own length, as ADAPTIVE. `simulate/simulator.py`
+makes its step and refuses models that it cannot follow; `simulate/loop/held_plant.py` does so for closed loops. It needs tests of its own.
 
 Nothing here imports jax, so that a study file is checked at once.
 """

@@ -1,4 +1,7 @@
-"""Recordings against the model: length and period against the bounds of its times, feedback, and rest at the start."""
+"""All looks at the recordings of a problem: `problem_looks` runs those at clock and signals (`recording/looks/`) and those of packages.
+
+Those against the model are made here: length and period against the bounds of its times, and rest at the start.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -24,7 +27,10 @@ STILL = 1e-3  # of a state: a model that moves less during the samples at rest i
 
 
 def problem_looks(problem: Problem) -> list[Look]:
-    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and steady records."""
+    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and steady records.
+
+    Only inputs of the model and outputs that are fitted are looked at. A function that makes another kind of look is called here.
+    """
     model = problem.model
     if not isinstance(model, Model) or not problem.in_time:
         return []

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from plantfit.cli.arguments.file_names import file_name
-from plantfit.cli.commands.comparing.fitted import answers_of, one_given
+from plantfit.cli.commands.understand.fitted import answers_of, one_given
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict
 from plantfit.cli.terminal.working import worker_count
 from plantfit.errors import RecordingError

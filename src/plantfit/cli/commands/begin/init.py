@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.before.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
+from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import ClockError, PlantfitError, RecordingError, SpecError
 
@@ -99,7 +99,7 @@ def init(
 
 def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[str], name: str, json: bool) -> None:
     """The study of a DC motor."""
-    from plantfit.cli.commands.before.motor_study import motor_study
+    from plantfit.cli.commands.begin.motor_study import motor_study
 
     period = found.period or 1.0
     made = motor_study(
@@ -271,7 +271,7 @@ def _checked(text: str, target: Path) -> None:
 
 def _compared(files: list[Path], json: bool) -> None:
     """What `plantfit compare` says of the candidates."""
-    from plantfit.cli.commands.comparing.models import compare_models
+    from plantfit.cli.commands.understand.models import compare_models
     from plantfit.study.store.addresses import STORE, VARIABLE
 
     given = [str(f) for f in files]

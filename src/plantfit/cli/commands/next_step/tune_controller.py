@@ -10,7 +10,7 @@ def tune(
     study: int | None, out: str | None, c: str | None, store: str, json: bool,
 ) -> None:  # fmt: skip
     """A controller (PID to MPC) from a finished study, tuned on every plant that the data allow: table, page, NAME-tune.json, C file."""
-    from plantfit.cli.commands.design.tuned_study import asked_of, front_in, held_in, levels_in, named_in, tolerances_of, weights_in
+    from plantfit.cli.commands.next_step.tuned_study import asked_of, front_in, held_in, levels_in, named_in, tolerances_of, weights_in
 
     more = {"tolerances": tolerances_of(tolerance), "minimise": weights_in(wishes["minimise"]), "front": front_in(wishes["front"])}
     more["levels"] = levels_in(wishes["levels"])
@@ -19,7 +19,7 @@ def tune(
     if wishes["hold"] or (loaded.control.hold and wishes["controller"] in (None, "lqr")) or wishes["controller"] == "lqr":
         return hold(spec, loaded, wishes, seed, study, out, c, store, json)
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.commands.design.tuned_study import answer_for, refuse_regression
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, refuse_regression
     from plantfit.cli.terminal.out import progress_line
     from plantfit.report.html import check_place
 
@@ -33,7 +33,7 @@ def tune(
         found = tuned(
             answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True), **wishes
         )  # fmt: skip
-    from plantfit.cli.commands.design.tuned_study import show, written
+    from plantfit.cli.commands.next_step.tuned_study import show, written
     from plantfit.cli.terminal.out import print_json
 
     files = written(found, page, Path(c) if c is not None else page.parent)
@@ -50,7 +50,7 @@ def hold(
 ) -> None:
     """`tune --hold`: a regulator that holds an equilibrium."""
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.commands.design.tuned_study import answer_for, show_held, written_held
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, show_held, written_held
     from plantfit.cli.terminal.out import out as screen
     from plantfit.cli.terminal.out import print_json, said_line
     from plantfit.report.html import check_place

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.comparing.stored import number_of
+from plantfit.cli.commands.understand.stored import number_of
 from plantfit.cli.terminal.out import warn
 from plantfit.cli.terminal.working import Ready, ready, search
 from plantfit.errors import Interrupted, StoreError

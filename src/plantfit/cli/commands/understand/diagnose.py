@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name
-from plantfit.cli.commands.judging.check import say_looks
+from plantfit.cli.commands.begin.check import say_looks
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line, said_line, verdict
 from plantfit.errors import SpecError

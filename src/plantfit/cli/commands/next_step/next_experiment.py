@@ -16,7 +16,7 @@ def design(
     """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for `record`, and a page."""
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.arguments.quantities import ranges_by_name, texts_by_name
-    from plantfit.cli.commands.design.tuned_study import answer_for, read_tables
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, read_tables
     from plantfit.errors import StoreError
 
     inputs, kept = ranges_by_name("--input", limits["inputs"]), ranges_by_name("--limit", limits["limits"])

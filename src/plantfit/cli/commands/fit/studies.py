@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
-from plantfit.cli.commands.judging.check import say_looks
+from plantfit.cli.commands.begin.check import say_looks
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
@@ -29,8 +29,8 @@ def run(
     if additions:
         if len(paths) > 1:
             raise SpecError("--try changes one study file; give one, or run the others by themselves.")
-        from plantfit.cli.commands.judging.diagnose import added
-        from plantfit.cli.commands.judging.diagnose import shown as named
+        from plantfit.cli.commands.understand.diagnose import added
+        from plantfit.cli.commands.understand.diagnose import shown as named
 
         paths = [named(added(paths[0], additions, json))]
         if not json:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from plantfit.cli.commands.comparing.fitted import Fitted, answers_of, from_file, from_store
-from plantfit.cli.commands.comparing.stored import number_of
+from plantfit.cli.commands.understand.fitted import Fitted, answers_of, from_file, from_store
+from plantfit.cli.commands.understand.stored import number_of
 from plantfit.cli.terminal.out import out, print_json, verdict
 from plantfit.cli.terminal.working import worker_count
 from plantfit.errors import SearchError

@@ -11,7 +11,7 @@ def intervals(
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.arguments.quantities import fraction, texts_by_name
-    from plantfit.cli.commands.comparing.fitted import answers_of, one_given
+    from plantfit.cli.commands.understand.fitted import answers_of, one_given
     from plantfit.cli.terminal.out import out as screen
     from plantfit.cli.terminal.out import print_json, said_line, verdict
     from plantfit.cli.terminal.working import worker_count

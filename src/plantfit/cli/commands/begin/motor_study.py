@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from plantfit import units
-from plantfit.cli.commands.before.study_text import quoted
+from plantfit.cli.commands.begin.study_text import quoted
 from plantfit.errors import RecordingError
 from plantfit.models.library.speed_law import EDGE, EQUATIONS, LABELS, LAW, SENTENCES, UNITS
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from plantfit.cli.commands.comparing.stored import is_number, number_of
+from plantfit.cli.commands.understand.stored import is_number, number_of
 from plantfit.errors import SearchError
 
 
@@ -13,8 +13,8 @@ def compare(
     optimum: float | None, seed: int, models: bool | None, linear: bool, workers: str | None, json: bool,
 ) -> None:  # fmt: skip
     """Models where study files are given, or studies of different models that one method searched; else methods."""
-    from plantfit.cli.commands.comparing import methods
-    from plantfit.cli.commands.comparing import models as of_models
+    from plantfit.cli.commands.understand import methods
+    from plantfit.cli.commands.understand import models as of_models
 
     files = [g for g in given if not is_number(g) and (g.endswith(".toml") or Path(g).is_file())]
     if files and models is False:

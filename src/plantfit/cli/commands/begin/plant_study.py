@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.before.study_text import quoted
+from plantfit.cli.commands.begin.study_text import quoted
 
 if TYPE_CHECKING:
     from plantfit.models.model import Model

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from plantfit.cli.commands.comparing.fitted import answers_of, one_given
+from plantfit.cli.commands.understand.fitted import answers_of, one_given
 from plantfit.cli.terminal.out import out, print_json, said_line, verdict
 from plantfit.cli.terminal.working import worker_count
 

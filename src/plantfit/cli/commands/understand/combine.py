@@ -4,7 +4,7 @@ import shlex
 from pathlib import Path
 
 from plantfit.cli.arguments.file_names import file_name
-from plantfit.cli.commands.studies import stored_answer
+from plantfit.cli.commands.fit.studies import stored_answer
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import SpecError
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from plantfit.cli.arguments.quantities import quantity
-from plantfit.cli.commands.comparing.fitted import answers_of, one_given
+from plantfit.cli.commands.understand.fitted import answers_of, one_given
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, said_line, warn
 from plantfit.errors import RecordingError, SpecError, StoreError

@@ -9,7 +9,7 @@ def export(study: str | None, to: str, recording: str | None, number: int | None
     """Write the plant of a finished study for another program."""
     if study is None:
         raise SpecError(f"--to {to} needs a study file; write for example `plantfit export heater.toml --to {to}`.")
-    from plantfit.cli.commands.design.tuned_study import answer_for, read_tables
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, read_tables
     from plantfit.cli.terminal.out import out as screen
     from plantfit.cli.terminal.out import print_json
 
@@ -25,7 +25,7 @@ def export(study: str | None, to: str, recording: str | None, number: int | None
 
 def export_study(study: str | None, json: bool, parquet: bool, out: str | None, store: str) -> None:
     """The older way to write a study of the store to a file."""
-    from plantfit.cli.commands import exchange
+    from plantfit.cli.commands.store import exchange
     from plantfit.cli.terminal.out import warn
 
     if study is not None and not (study.isascii() and study.isdigit()):

@@ -1,1 +1,0 @@
-"""Commands at the bench: make an excitation, play it and record."""

@@ -1,1 +1,0 @@
-"""Commands for a recording that has no model yet."""

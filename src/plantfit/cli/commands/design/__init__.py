@@ -1,1 +1,0 @@
-"""Commands from a finished study to a controller, and to other programs."""

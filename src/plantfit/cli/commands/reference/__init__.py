@@ -1,0 +1,1 @@
+"""Commands that list what there is, and that tune the settings of a method."""

@@ -1,0 +1,1 @@
+"""Commands on what stores hold: studies out, in and together, and the workers on them."""
