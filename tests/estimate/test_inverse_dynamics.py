@@ -58,7 +58,7 @@ def test_plain_least_squares_depends_on_how_one_differentiates():
 
 def test_what_is_missing_is_told_in_a_sentence():
     record = RIG.record(seed=1).recording
-    with pytest.raises(RecordingError, match="Nothing to make instruments of"):
+    with pytest.raises(RecordingError, match="nothing to make instruments of"):
         inverse().fit(record)
     with pytest.raises(RecordingError, match="no signal for 'theta2'"):
         inverse().fit(record, reference={"theta1": "theta1_ref"})

@@ -79,9 +79,9 @@ def test_one_sentence_each(old, new, tmp_path):
     ("step", "told"),
     [
         ('{ step = "cut", start = "x" }', "a value is of the wrong kind"),
-        ('{ step = "lowpass", cutoff = 1.0 }', "missing a required argument: 'signal'"),
+        ('{ step = "lowpass", cutoff = 1.0 }', "the key 'signal' is missing; add it"),
         ('{ step = "lowpass", signal = "u", cutof = 1.0 }', "cutof"),
-        ('{ step = "resample" }', "missing a required argument: 'period'"),
+        ('{ step = "resample" }', "the key 'period' is missing; add it"),
     ],
 )
 def test_cleaning_steps_are_told_in_words(step, told, tmp_path):

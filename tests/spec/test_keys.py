@@ -50,6 +50,6 @@ def test_steppers_of_the_study_file_are_those_of_the_table():
     assert json_schema()["$defs"]["SimulationTable"]["properties"]["stepper"]["enum"] == list(STEPPERS)
     *first, last = (repr(name) for name in STEPPERS)
     said = refused(f'{HEAD}[model]\n[simulation]\nstepper = "rk5"')
-    assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: input should be {', '.join(first)} or {last}. Correct it there.")
+    assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: write {', '.join(first)} or {last}.")
     for name in STEPPERS:
         assert validated(f'{HEAD}[model]\n[simulation]\nstepper = "{name}"', Path("s.toml")).simulation.stepper == name

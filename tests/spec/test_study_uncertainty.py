@@ -146,7 +146,7 @@ def test_what_cannot_be_is_said_in_one_sentence(parse, body, error, said):
 
 
 def test_a_list_of_tables_and_few_draws_are_refused(parse):
-    with pytest.raises(SpecError, match=r"write \[uncertainty.name\], a table with a name of its own"):
+    with pytest.raises(SpecError, match=r"write \[uncertainty.NAME\], a table with a name of its own"):
         parse('[[uncertainty]]\nof = "y"')
     with pytest.raises(SpecError, match=r"propagation\.draws = 3 cannot be used"):
         parse("[propagation]\ndraws = 3")

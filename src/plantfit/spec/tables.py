@@ -11,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from plantfit.errors import SpecError
 from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.spec.asked import asked
 
 
 class _Table(BaseModel):
@@ -30,7 +31,7 @@ def _numbers(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(_numbers(v) for v in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{shown_value(value)} is not a number")
+        raise ValueError("write a number without quotation marks; its unit belongs in the key 'unit'")
     try:
         return float(value)
     except OverflowError:
@@ -324,20 +325,25 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     first = every[0]
     if first["type"] == "missing":  # a misspelt key beside it says more
         first = next((e for e in every if e["type"] == "extra_forbidden" and e["loc"][:-1] == first["loc"][:-1]), first)
-    places = [
-        str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")
-    ]
+    short = first["type"] == "missing" and isinstance(first["loc"][-1], int)  # a list with too few entries
+    places = key_places(first["loc"][:-1] if short else first["loc"])
     key = ".".join(p if len(p) <= 60 else f"{p[:60]}..." for p in places)
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), owner, 1)
         hint = f"did you mean {near[0]!r}?" if near else f"known there: {', '.join(owner)}."
         return f"{path.name}: key {key!r} is not known; {hint}"
-    if first["type"] == "missing":
+    if first["type"] == "missing" and not short:
         return f"{path.name}: key {key!r} is missing; add it."
     value = first.get("input")
     shown = "" if isinstance(value, dict) else f" = {shown_value(value)}"
-    return f"{path.name}: {key}{shown} cannot be used: {first['msg'].lower()}. Correct it there."
+    told = [e for e in every if key_places(e["loc"]) == places or (e is first)]
+    return f"{path.name}: {key}{shown} cannot be used: {asked(told)}."
+
+
+def key_places(loc: tuple[Any, ...]) -> list[str]:
+    """The keys on the way to a value, without the names of types that pydantic puts between."""
+    return [str(p) for p in loc if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int")]
 
 
 def _owner(loc: tuple[Any, ...]) -> list[str]:
