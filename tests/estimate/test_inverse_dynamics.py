@@ -7,6 +7,7 @@ from scipy import stats
 from plantfit.errors import RecordingError, SimulationError
 from plantfit.estimate import InverseDynamics
 from plantfit.models.library.pendubot import motor_torque, pendubot_regression
+from plantfit.recording.record import Recording, Signal
 from plantfit.rig import PendubotRig
 
 RIG = PendubotRig()
@@ -64,6 +65,11 @@ def test_what_is_missing_is_told_in_a_sentence():
         inverse().fit(record, reference={"theta1": "theta1_ref"})
     with pytest.raises(RecordingError, match="band = 900"):
         inverse(band=900.0).rows(record)
+    short = Recording(record.t[:40], {n: Signal(s.values[:40], s.unit) for n, s in record.signals.items()}, "short")
+    with pytest.raises(
+        RecordingError, match=r"Recording 'short' has 40 samples, which are too few: .* needs \d+ .*; use a longer recording"
+    ):
+        inverse().rows(short)
     with pytest.raises(SimulationError, match=r"cannot be simulated at b1 = .* fell"):
         inverse().fit(record, lambda values: RIG.noise_free({**values, "b5": 3.0 * values["b5"]}), REFERENCE)
 

@@ -266,13 +266,13 @@ class SpecTable(_Table):
 def validated(text: str, path: Path) -> SpecTable:
     """The text as checked tables; nothing is read or built yet."""
     if len(text) > LONGEST:
-        raise SpecError(f"{path.name} has {len(text)} characters, and a study file at most {LONGEST}; data belong into recordings.")
+        raise SpecError(f"{path.name} has {len(text)} characters; a study file can have at most {LONGEST}, so put data into recordings.")
     try:
         raw = tomllib.loads(text.removeprefix("\ufeff"))
     except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"{path.name} is not valid TOML: {error}. Check quotes and brackets there.") from None
+        raise SpecError(f"{path.name} is not valid TOML: {error}. {_other_kind(text, path)}") from None
     except RecursionError:
-        raise SpecError(f"{path.name} has brackets or keys nested too deeply; write it with at most {DEEPEST} levels.") from None
+        raise SpecError(f"{path.name} has too many brackets or keys inside each other; write it with at most {DEEPEST} levels.") from None
     except (ValueError, OverflowError) as error:  # a number or a date that Python cannot hold
         raise SpecError(f"{path.name} has a number or date that cannot be read ({_first(error)}); correct it there.") from None
     if (place := _too_deep(raw)) is not None:
@@ -283,6 +283,15 @@ def validated(text: str, path: Path) -> SpecTable:
         raise SpecError(_sentence(error, raw, path)) from None
     except (RecursionError, OverflowError, TypeError, ValueError) as error:
         raise SpecError(f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes.") from None
+
+
+def _other_kind(text: str, path: Path) -> str:
+    """What to do about a text that is not TOML."""
+    if text.lstrip("\ufeff \t\r\n").startswith("{"):
+        return "It looks like JSON; write the study file in TOML (docs/study-file.md)."
+    if path.suffix.lower() in (".csv", ".tsv", ".txt", ".dat"):
+        return f"It looks like a recording; make a study file from it with `plantfit init {path.name}`."
+    return "Check quotes and brackets there."
 
 
 def json_schema() -> dict[str, Any]:

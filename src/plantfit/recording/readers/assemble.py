@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.errors import ClockError, RecordingError, UnitError
 from plantfit.recording.readers.clock import guess_time, seconds
-from plantfit.recording.readers.columns import Column, Table, close_match, identifier
+from plantfit.recording.readers.columns import Column, Table, close_match, identifier, unknown_unit
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
 from plantfit.recording.record import Recording, Signal
@@ -49,11 +49,17 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
         log += said
         units[name] = column.unit
     units = _with_given_units(table, units, options.get("units") or {}, chosen)
+    log += [f"{brackets_told(c.header, unknown)}." for n, c in chosen.items() if units[n] is None and (unknown := unknown_unit(c.header))]
     count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
     signals = {name: Signal(array, units[name]) for name, array in values.items()}
     name = options.get("name") or table.source
     told = (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s.")
     return Recording(t, signals, name, told, time_column is not None)
+
+
+def brackets_told(header: str, unknown: str) -> str:
+    """What became of a header whose brackets hold no known unit."""
+    return f"{unknown!r} in the header {header!r} is not a known unit and was taken as part of the name; correct it, or state the unit in units"
 
 
 def _check_options(table: Table, options: Options) -> None:

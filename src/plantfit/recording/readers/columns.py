@@ -89,6 +89,13 @@ def split_header(header: str) -> tuple[str, str | None]:
     return header.strip(), unit if logarithmic(unit) else None
 
 
+def unknown_unit(header: str) -> str | None:
+    """What stands in square brackets at the end of a header, where it has letters and is not a known unit."""
+    found = _BRACKETED.match(header.strip())
+    text = (found["square"] or "").strip() if found else ""
+    return text if re.search(r"[^\W\d]", text) and split_header(header)[1] is None else None
+
+
 # endings of names that are hardly anything else; of single letters only two, since T_A and x_m may be anything
 _ENDINGS = {
     "degC": "degC", "degF": "degF", "rpm": "rpm", "RPM": "rpm", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "m_s": "m/s",
