@@ -340,7 +340,7 @@ def test_a_cache_folder_of_windows_has_no_rights_to_look_at(monkeypatch):
          "Port COM3 cannot be opened"),
         ("posix", "/dev/cu.usbmodem9", "[Errno 2] No such file or directory", errno.ENOENT, "There is no port /dev/cu.usbmodem9"),
         ("posix", "/dev/null", "[Errno 16] Resource busy", errno.EBUSY, "in use by another program"),
-        ("posix", "/dev/null", "[Errno 13] Permission denied", errno.EACCES, "because this user has no right to it"),
+        ("posix", "/dev/null", "[Errno 13] Permission denied", errno.EACCES, "may not be used by this user"),
     ],
 )  # fmt: skip
 def test_ports_of_windows_and_macos(name, port, words, number, told, monkeypatch):

@@ -241,9 +241,7 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
     Path("a.csv").write_text(f"t [s],u [V],speed [blub],n [0]\n{rows}\n", "utf-8")
     said = call(capsys, monkeypatch, "init", "a.csv", "--yes", "--input", "u", "--output", "speed [blub]")
     assert said.code == 0, said.err
-    told = (
-        "'blub' in the header 'speed [blub]' is not a known unit and was taken as part of the name; correct it, or state the unit in units."
-    )
+    told = "'blub' in the header 'speed [blub]' is not a known unit and counts as part of the name; correct it, or state the unit in units."
     assert " ".join(said.out.split()).count(told) == 1
     assert "'0' in the header" not in said.out
     recording = spec.load(tmp_path / "a.toml").problem.experiments["data"].recording
@@ -256,11 +254,14 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
     ("file", "text", "told"),
     [
         (".", None, "'.' is a folder; name a file in it."),
-        ("two.csv", "t,u,u,y\n0,1,2,3\n1,0,3,2\n2,1,4,3\n3,2,2,4\n4,1,2,2\n", "two.csv has 2 columns 'u'; give each its own name in the header."),
+        ("two.csv", "t,u,u,y\n0,1,2,3\n1,0,3,2\n2,1,4,3\n3,2,2,4\n4,1,2,2\n", "two.csv has 2 columns 'u'; give each its own "
+            "name in the header."),
         ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); correct the line "
          "(if its numbers have decimal commas, separate the columns by semicolons)."),
-        ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its format"),
-        ("t.csv", "t,u,y\n0,1,2\n1,x,3\n2,1,4\n3,2,2\n", "can be made from this recording (t.csv, line 3, column 'u': 'x' is not a number;"),
+        ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its "
+            "format"),
+        ("t.csv", "t,u,y\n0,1,2\n1,x,3\n2,1,4\n3,2,2\n", "can be made from this recording (t.csv, line 3, column 'u': 'x' is "
+            "not a number;"),
     ],
 )  # fmt: skip
 def test_what_cannot_become_a_study_is_told_with_the_place(file, text, told, tmp_path, capsys, monkeypatch):

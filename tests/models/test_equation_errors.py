@@ -63,7 +63,7 @@ PLACES = [
     ("x' = k*u\n y' = x", 1, 1, "'y' is not a state; states are ['x']"),
     ("x' = k*u\na = b; b = 2*c; c = a\ny = a", 1, 0, "a -> b -> c -> a"),
     ("x' = k*u\ny = y + x", 1, 0, "y -> y"),
-    ("x' = k*u\ny = delay(k, k)", 1, 10, "The first argument of delay() is the name of an input or a state; there are u, x"),
+    ("x' = k*u\ny = delay(k, k)", 1, 10, "The first argument of delay() is the name of an input or a state, one of u, x."),
     ("x' = k*u\ny = delay(u, -1)", 1, 13, "looks into the future"),
     ("x' = k*u\ny = delay(u, kk)", 1, 13, "'kk' is none of them. Did you mean 'k'?"),
     ("x' = k*u\ny = delay(u, 2*k)", 1, 13, "a parameter, a constant or a number"),

@@ -75,7 +75,8 @@ class InverseDynamics:
         least = max(FEWEST, 2 * round(1.0 / self.band / period) + every + 1)
         if len(recording) < least:
             raise RecordingError(
-                f"Recording {recording.name!r} has {len(recording)} samples, which are too few: the filter of band = {self.band:g} Hz needs "
+                f"Recording {recording.name!r} has {len(recording)} samples, which are too few: the filter of band = "
+                f"{self.band:g} Hz needs "
                 f"{least} at this sampling rate; use a longer recording{', or a higher band' if least > FEWEST else ''}."
             )
         signals = self.motion(recording)
@@ -111,7 +112,8 @@ class InverseDynamics:
         """
         if simulate is None and reference is None:
             raise RecordingError(
-                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference (the motion to follow)."
+                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference (the "
+                "motion to follow)."
             )
         (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)

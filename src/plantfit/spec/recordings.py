@@ -110,7 +110,8 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
     if fit is not None and unseen is not None and fit == every:
         raise SpecError(
-            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time that is in validate too."
+            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time that is "
+            "in validate too."
         )
     for what, interval in (("fit", fit), ("validate", unseen)):
         if interval is not None and interval[0] >= interval[1]:
@@ -119,7 +120,8 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
             )
     if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
         raise SpecError(
-            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted, so choose intervals that do not overlap."
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be "
+            "fitted, so choose intervals that do not overlap."
         )
     with _naming(path.name):
         return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)

@@ -33,7 +33,8 @@ class DelayTable:
         delayed, time = node.args
         known = [*self.declared.inputs, *self.declared.states]
         if delayed.op != "name" or delayed.name not in known:
-            message = f"The first argument of delay() is the name of an input or a state; there are {', '.join(known)}.{suggest(delayed.name, known)}"
+            message = f"The first argument of delay() is the name of an input or a state, one of {', '.join(known)}."
+            message += suggest(delayed.name, known)
             raise EquationError(message, self.text, *delayed.start)
         parameter = self._parameter(delayed.name, time)
         channel = f"delay({delayed.name}, {parameter})"

@@ -268,7 +268,8 @@ def _how(found: Unit, wanted: Unit) -> str:
     if {_temperature(found), _temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
         sign = "+" if _temperature(wanted) == "absolute" else "-"
         return (
-            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = '273.15 K' in constants, or "
+            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = '273.15 K' in "
+            "constants, or "
             "declare both in one unit (recordings are converted to it)"
         )
     ratio = _factor(found / wanted)

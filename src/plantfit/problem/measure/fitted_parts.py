@@ -63,7 +63,8 @@ class FittedParts:
         for output in outputs:
             if not any(map(len, found.of_output(output))):
                 raise RecordingError(
-                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the output from the model."
+                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the output "
+                    "from the model."
                 )
         return found
 

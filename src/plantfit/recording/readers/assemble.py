@@ -59,7 +59,9 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
 
 def brackets_told(header: str, unknown: str) -> str:
     """What became of a header whose brackets hold no known unit."""
-    return f"{unknown!r} in the header {header!r} is not a known unit and was taken as part of the name; correct it, or state the unit in units"
+    return (
+        f"{unknown!r} in the header {header!r} is not a known unit and counts as part of the name; correct it, or state the unit in units"
+    )
 
 
 def _check_options(table: Table, options: Options) -> None:

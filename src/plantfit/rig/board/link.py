@@ -79,7 +79,7 @@ def _why_not(port: str, error: Exception) -> str:
             else "this machine has no serial port now; plug the board in."
         )
     if code in (errno.EACCES, errno.EPERM):
-        return f"Port {port} cannot be opened because this user has no right to it; add the user to the group that owns it (often dialout) and log in again."
+        return f"Port {port} may not be used by this user; add the user to the group that owns it (often dialout) and log in again."
     if code in (errno.EAGAIN, errno.EBUSY) or "lock" in text:
         return f"Port {port} is in use by another program; close that program first."
     if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "configure port" in text:

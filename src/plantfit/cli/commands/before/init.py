@@ -271,7 +271,8 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
                 )
         except PlantfitError as error:  # of a file that the user has not seen
             raise RecordingError(
-                f"No study file that runs can be made from this recording ({_of_recording(error, target).splitlines()[0]}); check the names and values of "
+                f"No study file that runs can be made from this recording ({_of_recording(error, target).splitlines()[0]}); "
+                "check the names and values of "
                 "its columns, or write the file by hand (docs/study-file.md)."
             ) from error
         else:
