@@ -50,6 +50,8 @@ PLACES = [
     ("x'' = k*u\ny = x", 0, 0, "write a second derivative with one more state, as in x' = v and v' = ..."),
     ("dx/dt = k*u\ny = x", 0, 0, "'dx/dt' cannot stand left of '='; write a single name, or name' for the derivative"),
     ("x' = (k u)\ny = x", 0, 6, "An operator is missing here; write * to multiply"),
+    ("x' = k*u/0\ny = x", 0, 8, "This divides by 0; write a divisor that is not 0"),
+    ("x' = k*u\ny = x/(2 - 2)", 1, 5, "This divides by 0"),
     ("x' = k*u\ny = 2,5*x", 1, 5, "write decimals with a point, as in 2.5"),
     ("x' = k*u\ny = x²", 1, 5, "The character '²' cannot be read in equations; delete it, and write powers as x^2"),
     ("x' = k*u\ny += x", 1, 0, "'y +' cannot stand left of '='"),

@@ -235,7 +235,10 @@ class _Reader:
             raise self._fail(f"The operator {symbol} is not allowed in equations; use + - * / ^.", self._between(node.left, symbol))
         symbol = _BINARY[kind]
         place = self._between(node.left, symbol)
-        return self._folded(Node(symbol, place, self._start(node), (self._node(node.left), self._node(node.right))))
+        left, right = self._node(node.left), self._node(node.right)
+        if symbol == "/" and right.op == "number" and right.number == 0:
+            raise self._fail("This divides by 0; write a divisor that is not 0.", place)
+        return self._folded(Node(symbol, place, self._start(node), (left, right)))
 
     def _folded(self, node: Node) -> Node:
         """Arithmetic of numbers becomes one number; in float64, so that 9^9^9 ends as an error and not as a long wait."""
