@@ -124,7 +124,7 @@ WRONG = {
         "'population' of method 'pso' is 1",
     ),
     "broken TOML": (("[model]", "[model"), 7, "not valid TOML"),
-    "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "not both"),
+    "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "it can have only one"),
     "log bounds at zero": (("bounds = [1.0, 500.0]", "bounds = [0.0, 500.0]"), 6, "above 0"),
     "string for a number": (("split = 0.7", 'split = "most"'), 7, "split"),
 }

@@ -30,4 +30,5 @@ def wished(kind: type[Table], table: Mapping[str, Any], wishes: Mapping[str, Any
         every = error.errors()  # type: ignore[attr-defined]  (pydantic's)
         places = key_places(every[0]["loc"])
         told = asked([e for e in every if key_places(e["loc"]) == places])
-        raise SpecError(f"{'.'.join(places)} = {every[0]['input']!r} cannot be used: {told}.") from None
+        name = ".".join(p for p in places if not p.isdigit())
+        raise SpecError(f"{name} = {every[0]['input']!r} cannot be used: {told}.") from None
