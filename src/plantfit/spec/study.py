@@ -107,7 +107,7 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
     if m.kind is None and m.equations is None:
         raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """..."""; add one.')
     if m.kind is not None and m.equations is not None:
-        raise SpecError(f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one of the two out.")
+        raise SpecError(f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one out.")
     with _naming(f"{path.name}, [model]"):
         model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
         if not m.extensions:
