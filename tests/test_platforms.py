@@ -333,14 +333,14 @@ def test_a_cache_folder_of_windows_has_no_rights_to_look_at(monkeypatch):
     ("name", "port", "words", "number", "told"),
     [
         ("nt", "COM9", "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)", None,
-         "There is no port COM9; this machine has COM3."),
+         "There is no port COM9; this machine has COM3; name the port of the board."),
         ("nt", "COM3", "could not open port 'COM3': PermissionError(13, 'Access is denied.', None, 5)", None,
          "Port COM3 is in use by another program"),
         ("nt", "COM3", "could not open port 'COM3': OSError(22, 'The semaphore timeout period has expired.', None, 121)", None,
          "Port COM3 cannot be opened"),
         ("posix", "/dev/cu.usbmodem9", "[Errno 2] No such file or directory", errno.ENOENT, "There is no port /dev/cu.usbmodem9"),
         ("posix", "/dev/null", "[Errno 16] Resource busy", errno.EBUSY, "in use by another program"),
-        ("posix", "/dev/null", "[Errno 13] Permission denied", errno.EACCES, "may not be opened by this user"),
+        ("posix", "/dev/null", "[Errno 13] Permission denied", errno.EACCES, "may not be used by this user"),
     ],
 )  # fmt: skip
 def test_ports_of_windows_and_macos(name, port, words, number, told, monkeypatch):

@@ -174,7 +174,7 @@ def _suggestion(text: str, error: Exception) -> str:
     names = getattr(error, "unit_names", ())
     unknown = (names if isinstance(names, str) else (names[0] if names else "")) or text
     close = difflib.get_close_matches(unknown, _COMMON, n=3, cutoff=0.6)
-    rare = difflib.get_close_matches(unknown, [str(name) for name in registry()._units], n=3, cutoff=0.75)
+    rare = difflib.get_close_matches(unknown, [str(name) for name in registry()._units], n=3, cutoff=0.8)
     close += [name for name in rare if name not in close]
     if not close:
         return "; write for example 'rad/s', 'N*m' or 'degC'."
@@ -228,14 +228,14 @@ def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple
         )
     if _cycles_against_angle(a, b):
         raise UnitError(
-            f"Unit {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; "
+            f"The units {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; "
             "write 'turn/s' instead of 'Hz' if a cycle is one turn."
         )
     convert_units = registry().convert
     if (_has_offset(a) and is_difference(b)) or (is_difference(a) and _has_offset(b)):
         raise UnitError(
-            f"Unit {str(source)!r} and {str(target)!r} are a temperature and a difference of temperatures, of which one does not give the "
-            "other; name the unit that the values really have."
+            f"Of the units {str(source)!r} and {str(target)!r} one is for temperatures and the other for differences of temperatures; "
+            "they cannot be converted, so name the unit that the values really have."
         )
     factor = float(convert_units(1.0, _difference(a), _difference(b)))
     zero = float(convert_units(0.0, a, b)) if _has_offset(a) or _has_offset(b) else 0.0

@@ -130,7 +130,7 @@ def test_csv_holds_the_simulation(heater, tmp_path):
 def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
     with pytest.raises(ModelError, match="no target 'sbml' to export to; there are python, c, casadi"):
         export_plant(heater, "sbml", tmp_path)
-    with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices are exported of single loops"):
+    with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices can be exported only for one input and one output"):
         export_plant(arm, "control", tmp_path)
 
 
@@ -140,7 +140,7 @@ def test_a_file_of_the_user_is_not_replaced(heater, tmp_path):
             assert all(f.stat().st_size for f in files)
         files[-1].write_text("mine")
         first = files[0].read_bytes()
-        with pytest.raises(StoreError, match=f"{files[-1].name} is there and was not written by plantfit"):
+        with pytest.raises(StoreError, match=f"{files[-1].name} exists and was not written by plantfit"):
             export_plant(heater, to, tmp_path / to)
         assert files[-1].read_text() == "mine"
         assert len(files) == 1 or files[0].read_bytes() == first

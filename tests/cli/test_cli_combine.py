@@ -51,7 +51,7 @@ def test_the_new_file_runs_and_is_determined(folder, capsys, monkeypatch):
     assert len(told["held"]) == 1
     nothing = call(capsys, monkeypatch, "combine", "2", "--out", "other.toml")
     assert nothing.code != 0
-    assert "nothing is to be changed" in " ".join(nothing.err.split())
+    assert "nothing has to be changed" in " ".join(nothing.err.split())
     assert not (folder / "other.toml").exists()
     lost = call(capsys, monkeypatch, "combine", "1", "--out", "no/such/folder.toml")
     assert lost.code != 0

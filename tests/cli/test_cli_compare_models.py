@@ -40,7 +40,7 @@ def test_what_cannot_be_compared_is_said(tmp_path, capsys, monkeypatch):
     heater(tmp_path)
     for words, told in (
         (("heater.toml", "--methods"), "--methods compares the runs"),
-        (("heater.toml", "--no-linear"), "One model alone is compared with nothing"),
+        (("heater.toml", "--no-linear"), "One model alone cannot be compared"),
         (("heater.toml", "heater.toml"), "is given twice"),
         (("heater.toml", "--latex", "t.tex"), "--latex is for comparisons of search methods"),
     ):

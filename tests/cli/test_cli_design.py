@@ -55,7 +55,7 @@ def test_an_input_within_limits_is_written_for_record_with_a_page(place, capsys,
 
     again = call(capsys, monkeypatch, *words, *FEW)
     assert again.code != 0
-    assert "heater-next.csv is there already" in again.err
+    assert "heater-next.csv exists already" in again.err
     record = json.loads(call(capsys, monkeypatch, *words, *FEW, "--force", "--json").out)
     assert record["chosen"] == ["tau", "L"]
     assert record["limits"]["T"]["high"] == pytest.approx(45.0)

@@ -40,9 +40,13 @@ def test_every_kind_has_defaults(capsys, monkeypatch, tmp_path, kind):
     ("words", "code", "sentence"),
     [
         (("noise", "--amplitude", "6V"), 7, "there are prbs, multisine"),
-        (("chirp", "--amplitude", "6V", "--duration", "10s", "--order", "4"), 7, "A chirp has no --order"),
+        (
+            ("chirp", "--amplitude", "6V", "--duration", "10s", "--order", "4"),
+            7,
+            "--order cannot be used with chirp; it takes --rate, --duration",
+        ),
         (("chirp", "--amplitude", "6V"), 7, "needs --duration"),
-        (("prbs", "--amplitude", "six"), 7, "--amplitude 'six' is no number"),
+        (("prbs", "--amplitude", "six"), 7, "--amplitude 'six' is not a number"),
         (("prbs", "--amplitude", "6kg", "--duration", "10s"), 4, "'6kg' is in 'kg', but the signal 'V' is a voltage"),
         (("prbs", "--amplitude", "6blah", "--signal", "u", "--duration", "10s"), 4, "blah"),
         (("prbs", "--amplitude", "6V", "--duration", "10m"), 4, "cannot be converted"),

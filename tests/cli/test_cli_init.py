@@ -62,7 +62,7 @@ def test_an_output_that_nothing_moves_is_said_to_be_one(tmp_path, capsys, monkey
     header = "t_s,valve_u,temp1_degC,temp2_degC"
     np.savetxt(tmp_path / "ex.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
     said = " ".join(call(capsys, monkeypatch, "init", "ex.csv", "--yes").out.split())
-    assert "No answer of temp1_degC to valve_u was found: leave it out, or take it as an input (--input 'temp1_degC')." in said
+    assert "temp1_degC does not seem to answer to valve_u: leave it out, or make it an input (--input 'temp1_degC')." in said
     assert "temp2_degC answers to valve_u." in said
     named = call(capsys, monkeypatch, "init", "ex.csv", "--force", "--input", "temp1_degC", "--input", "valve_u", "--output", "temp2_degC")
     assert "No answer" not in named.out
@@ -75,8 +75,8 @@ def test_named_columns_win(tmp_path, capsys, monkeypatch):
     told = json.loads(said.out)
     assert (told["inputs"], told["outputs"]) == (["Heater_2"], ["Temperature_2"])
     for words, message in (
-        (["--input", "Heater 9"], "two.csv has no column of numbers 'Heater 9'; it has ["),
-        (["--input", "Heater_1", "--output", "Heater_1"], "'Heater 1 (%)' is named as input and output"),
+        (["--input", "Heater 9"], "two.csv has no column of numbers 'Heater 9'; its columns of numbers are ["),
+        (["--input", "Heater_1", "--output", "Heater_1"], "'Heater 1 (%)' is both input and output"),
     ):
         said = call(capsys, monkeypatch, "init", "two.csv", "--force", *words)
         assert said.code == 3
@@ -158,7 +158,7 @@ def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path
     Path("still.csv").write_text(f"t,u,y\n{rows}\n", "utf-8")
     said = call(capsys, monkeypatch, "init", "still.csv", "--yes")
     assert said.code == 3
-    assert "there is only 'u'" in " ".join(said.err.split())
+    assert "only 'u' changes" in " ".join(said.err.split())
     Path("moves.csv").write_text("t,u,y\n" + "\n".join(f"{0.1 * k:.1f},{k // 9 % 2},{k % 5}" for k in range(50)) + "\n", "utf-8")
     said = call(capsys, monkeypatch, "init", "moves.csv", "--yes", "--out", "missing/study.toml")
     assert said.code != 0
@@ -181,7 +181,7 @@ def test_times_that_go_back_or_stand_twice_are_treated_in_the_file(tmp_path, cap
     table = tomllib.loads((tmp_path / "a.toml").read_text())["recording"]["data"]
     assert [f"{k} = {'true' if table[k] is True else chr(34) + table[k] + chr(34)}" for k in ("sort", "duplicates") if k in table] == lines
     for line in lines:
-        assert f"the file says {line}" in said.out
+        assert f"The study file treats this with {line}" in said.out
     checked = call(capsys, monkeypatch, "check", "a.toml")
     assert checked.code == 0, checked.err
 
@@ -233,3 +233,41 @@ def test_a_rest_that_no_input_came_near_is_called_an_extrapolation(low, told, tm
     assert call(capsys, monkeypatch, "init", "pump.csv", "--yes").code == 0
     sentence = tomllib.loads((tmp_path / "pump.toml").read_text("utf-8"))["parameters"]["rest"]["sentence"]
     assert sentence == "where level_mm rests without input" + (" (an extrapolation: pump_V was never below 0.8 V)" if told else "")
+
+
+def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(f"{k},{k // 9 % 2},{k % 5},{k}" for k in range(50))
+    Path("a.csv").write_text(f"t [s],u [V],speed [blub],n [0]\n{rows}\n", "utf-8")
+    said = call(capsys, monkeypatch, "init", "a.csv", "--yes", "--input", "u", "--output", "speed [blub]")
+    assert said.code == 0, said.err
+    told = "'blub' in the header 'speed [blub]' is not a known unit and counts as part of the name; correct it, or state the unit in units."
+    assert " ".join(said.out.split()).count(told) == 1
+    assert "'0' in the header" not in said.out
+    recording = spec.load(tmp_path / "a.toml").problem.experiments["data"].recording
+    assert told in recording.log
+    stated = plantfit.recording.read_csv("a.csv", signals={"v": "speed [blub]"}, units={"v": "rpm"})
+    assert not any("not a known unit" in sentence for sentence in stated.log)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "told"),
+    [
+        (".", None, "'.' is a folder; name a file in it."),
+        ("two.csv", "t,u,u,y\n0,1,2,3\n1,0,3,2\n2,1,4,3\n3,2,2,4\n4,1,2,2\n", "two.csv has 2 columns 'u'; give each its own "
+            "name in the header."),
+        ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); correct the line "
+         "(if its numbers have decimal commas, separate the columns by semicolons)."),
+        ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its "
+            "format"),
+        ("t.csv", "t,u,y\n0,1,2\n1,x,3\n2,1,4\n3,2,2\n", "can be made from this recording (t.csv, line 3, column 'u': 'x' is "
+            "not a number;"),
+    ],
+)  # fmt: skip
+def test_what_cannot_become_a_study_is_told_with_the_place(file, text, told, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        Path(file).write_text(text, "utf-8")
+    said = call(capsys, monkeypatch, "init", file, "--yes")
+    assert said.code == 3
+    assert told in " ".join(said.err.split())

@@ -91,8 +91,8 @@ def test_rm_and_kb_give_the_rest_by_the_formulas_that_it_says():
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [
-        (("--model", "pendubot"), 7, "init writes a study of the model dc_motor, and not of 'pendubot'"),
-        (("--model", "dc_motor", "--candidates"), 7, "leave it out with --model"),
+        (("--model", "pendubot"), 7, "--model 'pendubot': init writes a study of the model dc_motor only"),
+        (("--model", "dc_motor", "--candidates"), 7, "cannot be used with --model; leave one of the two out"),
         (("--model", "dc_motor"), 3, "no column is a motor's voltage in V (a duty is turned into it by the step duty_to_voltage)"),
     ],
 )

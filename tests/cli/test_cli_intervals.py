@@ -45,7 +45,7 @@ def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
     [
         (("--kinds", "mcmc"), "There is no kind 'mcmc' of interval"),
         (("--only", "taus"), "There is no free parameter 'taus'"),
-        (("--level", "high"), "--level 'high' is no share"),
+        (("--level", "high"), "--level 'high' is not a share"),
         (("--prior", "tau"), "--prior 'tau' cannot be read"),
         (("--prior", "tau=3"), "write mean and standard deviation"),
         (("--prior", "tau=3 m +- 1 m"), "The prior of tau"),

@@ -95,7 +95,7 @@ def test_a_full_disk_stops_the_motor_and_keeps_what_came(capsys, monkeypatch, pr
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, old)
     assert said.code == 3
-    assert "could not be written on" in said.err
+    assert "could not be continued" in said.err
     assert said.err.count("\n") == 1
     assert read_truth(tmp_path / "truth").drives[-1, 1] == 0
     assert len(read_csv(tmp_path / "run.csv.part")) > 300

@@ -145,7 +145,7 @@ def test_targets_and_references_are_converted_or_refused(capsys, monkeypatch, tm
     if "V" in (force, wanted):
         name, unit = ("force", "N") if force == "V" else ("wanted", "m")
         assert said.code == 4
-        assert f"signal '{name}' is in 'V', which cannot be turned into the model's '{unit}'; correct one of them." in said.err
+        assert f"signal '{name}' is in 'V', which cannot be converted to the model's '{unit}'; correct one of them." in said.err
         return
     found = rows(said)
     for name, true in (("M", 80.0), ("Fv", 150.0), ("Fc", 30.0)):

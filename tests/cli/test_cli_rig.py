@@ -66,7 +66,7 @@ def test_duration_period_excitation_and_channels(capsys, monkeypatch, tmp_path):
         (("pendubot", "--set", "m2"), 6, "write NAME=VALUE"),
         (("pendubot", "--set", "q=1"), 9, "has no 'q'"),
         (("pendubot", "--set", "m2=0.1", "--set", "m2=0.2"), 9, "gives m2 twice"),
-        (("pendubot", "--duration", "long"), 7, "--duration 'long' is no number"),
+        (("pendubot", "--duration", "long"), 7, "--duration 'long' is not a number"),
         (("pendubot", "--duration", "3s", "--out", "x"), 3, "ends in .csv"),
         (("dc_motor", "--excitation", "40V"), 9, "lower it"),
     ],

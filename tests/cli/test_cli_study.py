@@ -48,7 +48,10 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     assert banded["bands"]["held"]["T"] == pytest.approx(0.95, abs=0.035)  # 400 readings
     assert "T_low [degC],T_high [degC],T_read_low [degC],T_read_high [degC]" in (folder / "predicted.csv").read_text()
     refused = call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--set", "K=0.4")
-    assert refused.err == "plantfit: --bands are those of the study's own parameters; leave --set out.\n"
+    assert (
+        refused.err
+        == "plantfit: --bands are made for the parameters of the study; they cannot be used with --set, so leave one of the two out.\n"
+    )
     far = call(capsys, monkeypatch, "predict", "heater.toml", "--set", "K=0.4", "--json")
     assert json.loads(far.out)["rmse"]["T"] > 5
 
@@ -121,7 +124,7 @@ WRONG = {
         "'population' of method 'pso' is 1",
     ),
     "broken TOML": (("[model]", "[model"), 7, "not valid TOML"),
-    "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "not both"),
+    "both kinds of model": (("[model]", '[model]\nkind = "dc_motor"'), 7, "it can have only one"),
     "log bounds at zero": (("bounds = [1.0, 500.0]", "bounds = [0.0, 500.0]"), 6, "above 0"),
     "string for a number": (("split = 0.7", 'split = "most"'), 7, "split"),
 }

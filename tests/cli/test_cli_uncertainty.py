@@ -49,7 +49,7 @@ def test_check_shows_the_budget_without_a_fit(folder, capsys, monkeypatch):
     (folder / "heater.toml").write_text((folder / "heater.toml").read_text().replace('of = "T"', 'of = "Tx"', 1))
     said = call(capsys, monkeypatch, "check", "heater.toml")
     assert said.code == 7
-    assert "heater.toml, [uncertainty.thermometer]: of = 'Tx' names no signal" in said.err
+    assert "heater.toml, [uncertainty.thermometer]: of = 'Tx' is not a signal" in said.err
     assert "did you mean 'T'" in said.err
     assert "Traceback" not in said.err
 

@@ -7,6 +7,7 @@ from scipy import stats
 from plantfit.errors import RecordingError, SimulationError
 from plantfit.estimate import InverseDynamics
 from plantfit.models.library.pendubot import motor_torque, pendubot_regression
+from plantfit.recording.record import Recording, Signal
 from plantfit.rig import PendubotRig
 
 RIG = PendubotRig()
@@ -58,12 +59,17 @@ def test_plain_least_squares_depends_on_how_one_differentiates():
 
 def test_what_is_missing_is_told_in_a_sentence():
     record = RIG.record(seed=1).recording
-    with pytest.raises(RecordingError, match="Nothing to make instruments of"):
+    with pytest.raises(RecordingError, match="nothing to make instruments of"):
         inverse().fit(record)
     with pytest.raises(RecordingError, match="no signal for 'theta2'"):
         inverse().fit(record, reference={"theta1": "theta1_ref"})
     with pytest.raises(RecordingError, match="band = 900"):
         inverse(band=900.0).rows(record)
+    short = Recording(record.t[:40], {n: Signal(s.values[:40], s.unit) for n, s in record.signals.items()}, "short")
+    with pytest.raises(
+        RecordingError, match=r"Recording 'short' has 40 samples, which are too few: .* needs \d+ .*; use a longer recording"
+    ):
+        inverse().rows(short)
     with pytest.raises(SimulationError, match=r"cannot be simulated at b1 = .* fell"):
         inverse().fit(record, lambda values: RIG.noise_free({**values, "b5": 3.0 * values["b5"]}), REFERENCE)
 

@@ -156,7 +156,7 @@ def test_a_value_per_recording_is_asked_for():
     ("given", "error", "says"),
     [
         (lambda t: pf.from_arrays({"t": t, "T": 0 * t}, name="new"), RecordingError, "'new' has no signal 'u', which the model needs"),
-        (lambda t: pf.from_arrays({"t": t, "u": (t, "s")}, name="new"), UnitError, "'u' is in 's', which cannot be turned into"),
+        (lambda t: pf.from_arrays({"t": t, "u": (t, "s")}, name="new"), UnitError, "'u' is in 's', which cannot be converted to"),
         (lambda t: pf.from_arrays({"t": t, "u": np.where(t > 9, np.nan, 1.0)}), PlantfitError, "'u' is missing at sample 10"),
         (lambda t: "benhc", RecordingError, "no recording 'benhc'"),
         (lambda t: {"u": t}, RecordingError, "dict is no recording to predict over"),

@@ -204,6 +204,6 @@ def test_init_never_blames_the_file_that_it_writes(tmp_path):
     """xlsx 32 of seed 1: "made.toml, [model]: a bound of parameter 'u0' is -inf"."""
     rows = "".join(f"{k},{(-1) ** (k // 3)}e308,{(k * 7) % 11}.5\n" for k in range(30))
     (tmp_path / "x.csv").write_text("t [s],u [V],y [mm]\n" + rows)
-    with pytest.raises(RecordingError, match="No study file that runs can be made of this recording"):
+    with pytest.raises(RecordingError, match="No study file that runs can be made from this recording"):
         init(str(tmp_path / "x.csv"), None, False, True)
     assert not (tmp_path / "x.toml").exists()

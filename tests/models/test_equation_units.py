@@ -43,7 +43,7 @@ MISFITS = [
     ("a > s", "", 6, ("'>'",)),
     ("min(a, b, s)", "m", 4, ("'min'",)),
     ("a if n else s", "m", 6, ("'if-else'",)),
-    ("a + 1", "m", 8, ("The number 1 has no unit", "constants = {'name': '1 m'}")),
+    ("a + 1", "m", 8, ("The number 1 has no unit", "in constants, as in offset = '1 m'")),
     ("2.5 - a", "m", 4, ("The number 2.5",)),
     ("1 - share", "%", 4, ("'1 %'",)),
     ("sin(turned)", "", 8, ("an angle in rad", "deg")),

@@ -110,7 +110,7 @@ def test_what_cannot_be_added_is_said(given, said):
         ("offset = { fore = [0, 1] }", "'fore' is none of its outputs ['force']. Did you mean 'force'"),
         ("offset = { force = [1, 0] }", "offset of 'force' is [1, 0]; write the bounds of its parameter, as in [0, 1]"),
         ("coulomb = { 'force with velocity' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),
-        ("coulomb = { 'force with velocity over fast' = [0, 1] }", "whose scale is no number"),
+        ("coulomb = { 'force with velocity over fast' = [0, 1] }", "whose scale is not a number"),
         ("coulomb = { 'force with velocity over -1' = [0, 1] }", "write it as in 'force with acceleration over 0.01'"),
         ("quadratic = { 'force with velocty' = [0, 1] }", "it reads no 'velocty'. Did you mean 'velocity'"),
         ("quadratic = { force = [0, 1] }", "write it as in 'force with acceleration'"),

@@ -122,10 +122,10 @@ def test_the_description_names_them():
 
 PLACES = [
     # text after x' = v, line, column, part of the message
-    ("v' = F/m\nwhen x < 0: v = 0", 2, 5, "After 'when' must stand what passes zero"),
+    ("v' = F/m\nwhen x < 0: v = 0", 2, 5, "After 'when' an event is needed"),
     ("v' = F/m\nwhen sinking(x): v = 0", 2, 5, "falling, rising or crossing"),
-    ("v' = F/m\nwhen falling(): v = 0", 2, 13, "Nothing stands in falling()"),
-    ("v' = F/m\nwhen falling(x) v = 0", 2, 16, "must stand ':'"),
+    ("v' = F/m\nwhen falling(): v = 0", 2, 13, "There is nothing in falling()"),
+    ("v' = F/m\nwhen falling(x) v = 0", 2, 16, "a ':' and a state that jumps are needed"),
     ("v' = F/m\nwhen falling(x): ", 2, 15, "A state and its new value are missing"),
     ("v' = F/m\nwhen falling(x): v = 0,", 2, 15, "A state and its new value are missing"),
     ("v' = F/m\nwhen falling(x): v", 2, 17, "There is no '='"),

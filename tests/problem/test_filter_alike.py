@@ -103,5 +103,5 @@ def test_study_file_filters_alike(tmp_path):
 def test_study_file_says_what_is_wrong(tmp_path):
     with pytest.raises(RecordingError, match=r"study\.toml, \[model\] filter_alike: .*half the sampling rate"):
         load(written(tmp_path, cutoff=500.0))
-    with pytest.raises(SpecError, match="filter_alike is for regressions"):
+    with pytest.raises(SpecError, match="filter_alike is only for regressions"):
         load(written(tmp_path, model='kind = "drive"\n'))

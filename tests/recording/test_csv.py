@@ -99,7 +99,7 @@ def test_incomplete_last_line_is_left_out_and_told(tmp_path):
     [
         ("# a\nt,u\n\n0,1\n1,x7\n2,3\n", {}, r"bench.csv, line 5, column 'u': 'x7' is not a number"),
         ("t,u\n0,1\n2,2\n1,3\n", {}, r"line 4: time goes back from 2 s to 1 s"),
-        ("t,u\n0,1\n2,2\n2,3\n", {}, r"line 4: time 2 s stands twice"),
+        ("t,u\n0,1\n2,2\n2,3\n", {}, r"line 4: time 2 s appears twice"),
         ("t,u\n0,1\n,2\n2,3\n", {}, r"line 3: time column 't' is empty"),
         ("t,u\n0,1\n1,2,3\n2,3\n", {}, r"line 3: 3 cells where the first row has 2"),
         ("t,speed\n0,1\n1,2\n", {"signals": {"w": "sped"}}, r"did you mean 'speed'.*\['t', 'speed'\]"),
@@ -128,7 +128,7 @@ def test_errors_name_place_and_value(tmp_path, text, options, message):
     [("t,u [V]", {"units": {"u": "rpm"}}), ("t [V],u", {"time": 0}), ("t [ms],u", {"time_unit": "s"}), ("t,u", {"time_unit": "V"})],
 )
 def test_contradicting_units_are_refused(tmp_path, header, options):
-    with pytest.raises(UnitError):
+    with pytest.raises(UnitError, match=r"^\S+\.csv: "):
         rec.read_csv(write(tmp_path, f"{header}\n0,1\n1,2\n"), **options)
 
 

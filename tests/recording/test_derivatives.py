@@ -111,6 +111,8 @@ def test_forward_rates_held_between_samples_give_the_signal_back():
     np.testing.assert_allclose(r["N"][0] + np.concatenate([[0.0], np.cumsum(r["rate"][:-1] * np.diff(t))]), r["N"], atol=1e-9)
     assert r["rate"][-1] == r["rate"][-2]
     assert r.signals["rate"].unit == "counts/s"
+    with pytest.raises(RecordingError, match="2 samples are too few for this method; use a longer recording"):
+        rec.differentiate(rec.from_arrays(np.arange(2.0), signals={"y": (np.arange(2.0), "m")}, name="short"), "y", method="central")
     with pytest.raises(RecordingError, match="first derivative only; use 'central'"):
         rec.differentiate(r, "N", "a", method="forward", derivative=2)
 

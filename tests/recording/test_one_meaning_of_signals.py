@@ -87,7 +87,7 @@ def test_arrays_carry_units_in_their_names_or_beside_them():
     assert {n: s.unit for n, s in r.signals.items()} == {"u": "V", "w": "rad/s", "v": "m/s"}
     np.testing.assert_allclose(r.t, T, atol=1e-15)
     assert r.name == "bench"
-    with pytest.raises(UnitError, match="says 'V' but units says 'A'"):
+    with pytest.raises(UnitError, match="says 'V', but units says 'A'"):
         pf.from_arrays({"t": T, "u [V]": U}, units={"u": "A"})
 
 

@@ -60,7 +60,7 @@ def test_an_output_measured_nowhere_is_refused(tmp_path):
 
 def test_a_signal_that_is_there_cannot_be_unmeasured():
     recording = Recording(np.arange(3.0), {"a": Signal(np.zeros(3), "V")}, "run", ())
-    with pytest.raises(RecordingError, match="not to measure 'a', but has a signal of that name; remove one"):
+    with pytest.raises(RecordingError, match="has the signal 'a', but unmeasured names it too; remove one"):
         unmeasured(recording, ["a"])
     made = unmeasured(recording, ["b"])
     assert np.all(np.isnan(made["b"]))

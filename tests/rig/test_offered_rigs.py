@@ -270,7 +270,7 @@ def test_set_points_of_a_loop_are_given_in_any_unit_and_slips_are_told(tmp_path)
     with pytest.raises(SimulationError, match="cannot be driven by a tuned controller yet; dc_motor can"):
         record_rig("pendubot", controller=tmp_path / "motor-tune.json")
     (tmp_path / "bad.json").write_text("{}")
-    with pytest.raises(SimulationError, match=r"bad.json' is no controller; name a file NAME-tune.json that `plantfit tune` wrote"):
+    with pytest.raises(SimulationError, match=r"bad.json' is not a controller; name a file NAME-tune.json that `plantfit tune` wrote"):
         record_rig("dc_motor", controller=tmp_path / "bad.json")
     with pytest.raises(SimulationError, match="cannot be read"):
         record_rig("dc_motor", controller=tmp_path / "none.json")

@@ -79,9 +79,14 @@ def test_one_sentence_each(old, new, tmp_path):
     ("step", "told"),
     [
         ('{ step = "cut", start = "x" }', "a value is of the wrong kind"),
-        ('{ step = "lowpass", cutoff = 1.0 }', "missing a required argument: 'signal'"),
-        ('{ step = "lowpass", signal = "u", cutof = 1.0 }', "cutof"),
-        ('{ step = "resample" }', "missing a required argument: 'period'"),
+        ('{ step = "lowpass", cutoff = 1.0 }', "the key 'signal' is missing; add it"),
+        (
+            '{ step = "lowpass", signal = "u", cutof = 1.0 }',
+            "there is no key 'cutof' (did you mean 'cutoff'?); this step takes signal, cutoff",
+        ),
+        ('{ step = "fill_gaps", signals = "u", longest = 5 }', "there is no key 'signals' (did you mean 'signal'?)"),
+        ('{ signal = "u", cutoff = 1.0 }', 'says no step; write step = "NAME". Known steps: drop_outliers,'),
+        ('{ step = "resample" }', "the key 'period' is missing; add it"),
     ],
 )
 def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
@@ -89,6 +94,41 @@ def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
     sentence = said(TEXT.replace('file = "x.csv"', f'file = "x.csv"\nclean = [{step}]'), tmp_path)
     assert told in sentence
     assert "recording.a.clean[0]" in sentence
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("", 'file = "y.csv"', "s.toml, [recording.a]: File "),
+        ("", 'time = "when"', "s.toml, [recording.a]: x.csv has no column 'when' for time; it has ['time', 'u', 'y']."),
+        (
+            "",
+            'units = { y = "blub" }',
+            "s.toml, [recording.a]: x.csv: units gives 'y' a unit that cannot be used: 'blub' is not a known unit",
+        ),
+        ("", 'before = { u = "x" }', "s.toml: Recording 'a': before gives 'u' as 'x': 'x' is not a number with a unit"),
+        ("", "skip = 500", "s.toml: No measured sample of 'y' is left to fit (recording 'a' lasts from 0 to 29 s, and 0 of its 30 samples"),
+        ("", "fit = [0, 9]\nvalidate = [5, 29]", "overlap; unseen data must not be fitted, so choose intervals that do not overlap."),
+        ("equations =", 'kind = "drive"\nequations =', "s.toml: [model] has kind = 'drive' and also equations; it can have only one"),
+        ('equations = "y = K*u"', "", 's.toml: [model] needs either kind = "..."'),
+        ('"y = K*u"', '"y = K*delay(u, L)"', "'L' is none of them"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_told_with_file_and_place(old, new, told, tmp_path):
+    if not old:
+        old, new = ('file = "x.csv"', new) if new.startswith("file") else ('file = "x.csv"', f'file = "x.csv"\n{new}')
+    assert told in said(TEXT.replace(old, new), tmp_path)
+
+
+def test_a_dead_time_that_begins_below_zero_names_the_file_once(tmp_path):
+    text = TEXT.replace("y = K*u", "y = K*delay(u, L)") + '[parameters.L]\nbounds = [-1.0, 5.0]\nunit = "s"\n'
+    sentence = said(text, tmp_path)
+    assert sentence.startswith("s.toml: parameters.L is a dead time, and its lower bound is -1 s; an input cannot act before it happens")
+
+
+def test_a_folder_is_no_study_file(tmp_path):
+    with pytest.raises(PlantfitError, match="is a folder; name a study file in it"):
+        load(tmp_path)
 
 
 def test_the_text_itself_is_good(tmp_path):

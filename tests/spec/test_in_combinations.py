@@ -152,7 +152,7 @@ def test_where_equations_cannot_hold_them_companions_are_held(tmp_path, kind):
 def test_nothing_to_change_and_nothing_that_can_be_changed_are_said(tmp_path):
     u, _, e, _ = inputs_and_noise(6)
     study, answer = fitted(tmp_path, static(tmp_path, "y = a*u", {"u": u, "y": 2.0 * u + e}, ["y"], {"a": (0.1, 9, "1")}))
-    with pytest.raises(SpecError, match="nothing is to be changed"):
+    with pytest.raises(SpecError, match="nothing has to be changed"):
         spec.in_combinations(study, answer.findings)
     bounds = {"a": (0.1, 9, "1"), "b": (0.1, 9, "1")}
     text = static(tmp_path, "y = a*b*c*u", {"u": u, "y": 2.0 * u + e}, ["y"], bounds) + '[parameters.c]\ntied = "a"\n'

@@ -50,6 +50,44 @@ def test_steppers_of_the_study_file_are_those_of_the_table():
     assert json_schema()["$defs"]["SimulationTable"]["properties"]["stepper"]["enum"] == list(STEPPERS)
     *first, last = (repr(name) for name in STEPPERS)
     said = refused(f'{HEAD}[model]\n[simulation]\nstepper = "rk5"')
-    assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: input should be {', '.join(first)} or {last}. Correct it there.")
+    assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: write {', '.join(first)} or {last}.")
     for name in STEPPERS:
         assert validated(f'{HEAD}[model]\n[simulation]\nstepper = "{name}"', Path("s.toml")).simulation.stepper == name
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "[model]\n[parameters.a]\nbounds = [5]",
+            "parameters.a.bounds = [5] cannot be used: write two numbers in brackets, as in [0, 10].",
+        ),
+        ("[model]\n[parameters.a]\nbounds = '0..5'", "parameters.a.bounds = '0..5' cannot be used: write two numbers in brackets"),
+        (
+            "[model]\n[parameters.a]\nvalue = '2 s'",
+            "parameters.a.value = '2 s' cannot be used: write a number without quotation marks; its unit",
+        ),
+        ("[model]\n[search]\nmethods = 'auto'", "search.methods = 'auto' cannot be used: write a list in brackets, as in [\"auto\"]."),
+        ("[model]\n[search]\nruns = 'many'", "search.runs = 'many' cannot be used: write a whole number without quotation marks."),
+        ("[model]\n[search]\nruns = 1.5", "search.runs = 1.5 cannot be used: write a whole number."),
+        ("[model]\n[scales]\ny = -1", "scales.y = -1 cannot be used: write a number above 0."),
+        ("[model]\ninputs = 'u'", "model.inputs = 'u' cannot be used: write a table, as in { NAME = VALUE }."),
+        (
+            "[model.states]\nx = { initial = [1] }",
+            "model.states.x.initial = [1] cannot be used: write a number or text in quotation marks.",
+        ),
+        ("[model]\n[estimate]\nmethods = []", "estimate.methods = [] cannot be used: write a list of at least 1."),
+        ("[model]\n[control]\nms = 0.5", "control.ms = 0.5 cannot be used: write a number above 1."),
+    ],
+)
+def test_a_wrong_value_is_explained_in_words_of_a_study_file(text, told):
+    assert f"s.toml: {told}" in refused(f"{HEAD}{text}")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"), [("s.toml", '{"name": "a"}', "looks like JSON"), ("a.csv", "t,u\n0,1", "`plantfit init a.csv`")]
+)
+def test_a_file_of_another_kind_is_recognised(name, text, told):
+    with pytest.raises(SpecError, match="is not valid TOML") as caught:
+        validated(text, Path(name))
+    assert told in str(caught.value)

@@ -157,25 +157,25 @@ def test_a_fit_by_search_is_refused(tmp_path):
     ("old", "new", "sentence"),
     [
         ('reference = { q = "q_ref" }\n', "", "instrumental variables need reference"),
-        ('"q_ref"', '"q"', "is a measured signal, whose errors are those of the columns"),
+        ('"q_ref"', '"q"', "is a measured signal and has the errors of the columns"),
         ('"q_ref"', '"q_raf"', "Did you mean 'q_ref'"),
-        ('{ q = "q_ref" }', '{ p = "q_ref" }', "reference gives 'p', which derivatives does not name"),
+        ('{ q = "q_ref" }', '{ p = "q_ref" }', "reference names 'p', which is not in derivatives"),
         ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v", "w"] }', "the model reads 'a', which is neither recorded nor"),
         ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v"] }', "derivatives.q"),
         ('["v", "a"]', '["v", "q"]', "names 'q' twice"),
         ('held = ["u"]', 'held = ["U"]', "held names 'U'.*Did you mean 'u'"),
-        ("targets = { F", "targets = { G", "targets gives 'G', which is no output"),
+        ("targets = { F", "targets = { G", "targets names 'G', which is not an output"),
         ("k*u", "k*z", "'z'"),
         ("k*u", "k*", "targets"),
         ("2.5 N/V", "2.5 N/A", "targets"),
-        ('targets = { F = "k*u" }\n', "", "'F' is what the columns explain, and recording 'run' does not have it"),
+        ('targets = { F = "k*u" }\n', "", "'F' is an output, but recording 'run' has no such signal"),
         ("band = 8", "band = -8", "band"),
         ("band = 8\n", "", "'regression.band' is missing"),
         ("band = 8", "band = 450", "band = 450 Hz at a period of 0.001 s"),
         ("smoothing = 40", "smoothing = 4000", r"\[regression\].*4000"),
         ("smoothing", "smothing", "did you mean 'smoothing'"),
         ("band = 8", 'band = 8\nmethod = "instruments"', "method"),
-        ("band = 8", 'band = 8\nmethod = "least squares"', "reference makes instruments, and method is least squares"),
+        ("band = 8", 'band = 8\nmethod = "least squares"', "reference is for instrumental variables, but method is least squares"),
     ],
 )
 def test_mistakes_are_told_with_the_key(tmp_path, old, new, sentence):
@@ -190,7 +190,7 @@ def test_a_reference_that_is_the_measurement_under_another_name_is_no_instrument
     record = drive(0)
     to_csv(from_arrays(record.t, signals={n: (record[m], record.signals[m].unit) for n, m in (("q", "q"), ("u", "u"), ("q_ref", "q"))}),
            tmp_path / "run.csv")  # fmt: skip
-    with pytest.raises(SpecError, match="is 'q' sample by sample, so that it has the same errors"):
+    with pytest.raises(SpecError, match="has the same samples as 'q', so it has the same errors"):
         pf.load(path)
 
 
@@ -200,7 +200,7 @@ def test_a_filter_said_twice_and_parameters_that_a_regression_has_not(tmp_path):
     with pytest.raises(SpecError, match="leave filter_alike out"):
         pf.load(path)
     path = written(tmp_path, more='[uncertainty.x]\nof = "F"\nkind = "gain"\nlimit = 1\nunit = "%"')
-    with pytest.raises(SpecError, match="are not carried through a regression"):
+    with pytest.raises(SpecError, match="a regression cannot use stated errors of instruments"):
         pf.load(path)
     path = written(tmp_path)
     path.write_text(path.read_text("utf-8").replace("[parameters.M]\n", "[parameters.M]\nper_recording = true\n"), "utf-8")

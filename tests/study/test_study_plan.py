@@ -36,7 +36,7 @@ def test_tasks_grow_with_the_number_of_runs(runs, chunk):
         ({"chunk": 0}, "chunk is 0"),
         ({"name": "  "}, "give it a name"),
         ({"methods": ()}, "no methods"),
-        ({"methods": ("pso", "pso")}, "stands twice"),
+        ({"methods": ("pso", "pso")}, "named twice"),
         ({"methods": (3,)}, "method 3"),
         ({"methods": ("psoo",)}, "psoo"),
         ({"settings": {"cmaes": {}}}, "'cmaes'"),

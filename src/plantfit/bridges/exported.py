@@ -42,7 +42,7 @@ def export_plant(answer: Answer, to: str, folder: str | Path = ".", name: str | 
         for (place, content), given in zip(contents.items(), files.values(), strict=True):
             # a table names its columns and nobody who wrote it; binaries of all programs begin alike
             if not may_be_written(place, content.partition(b"\n")[0] if isinstance(given, str) else None):
-                raise StoreError(f"{place} is there and was not written by plantfit; move it, or choose another folder with --out.")
+                raise StoreError(f"{place} exists and was not written by plantfit; move it, or choose another folder with --out.")
         for place, content in contents.items():
             place.write_bytes(content)
     except OSError as error:

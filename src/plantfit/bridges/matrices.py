@@ -30,7 +30,8 @@ def _linear(plant: Plant) -> tuple[Any, float, tuple[str, ...]]:
     model = plant.model
     if len(model.inputs) != 1 or len(model.outputs) != 1:
         raise SimulationError(
-            f"Model {model.name!r} has {len(model.inputs)} inputs and {len(model.outputs)} outputs; matrices are exported of single loops. "
+            f"Model {model.name!r} has {len(model.inputs)} inputs and {len(model.outputs)} outputs; matrices can be exported "
+            "only for one input and one output. "
             "Export --to python, c or casadi, which hold the whole model."
         )
     (input_,), (output,) = model.inputs, model.outputs

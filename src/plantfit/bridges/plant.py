@@ -65,11 +65,14 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     if not isinstance(model, Model) or not model.states:
         raise ModelError("A regression or a static model has nothing to simulate; export --to csv is not for it either: see to_frame().")
     if not model.smooth:
-        raise ModelError(f"Model {model.name!r} has events, dry friction, backlash or late states, which no bridge carries yet.")
+        raise ModelError(
+            f"Model {model.name!r} has events, dry friction, backlash or late states, which cannot be exported "
+            "yet; leave them out of the model to export it."
+        )
     recording = recording or next(iter(problem.experiments))
     experiment = problem.experiments[recording]
     if experiment.steady:
-        raise ModelError(f"Recording {recording!r} is steady; name one that goes through time with --recording.")
+        raise ModelError(f"Recording {recording!r} is steady; name another one, which moves in time, with --recording.")
     if experiment.initial_time is not None:
         raise ModelError(f"Recording {recording!r} begins before its first sample (initial_time); name another with --recording.")
     own = experiment.recording

@@ -85,7 +85,7 @@ def _ended(command: Callable[[], Any]) -> int:
         return _failed(f"the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.", 12)
     except KeyboardInterrupt:
         ending()
-        return _failed("stopped before anything was begun.", 130)
+        return _failed("stopped before any work began.", 130)
     except MemoryError:
         return _failed("the memory of this machine is not enough for this; use fewer samples, runs or workers, and run again.", 12)
     except Exception as error:

@@ -32,5 +32,5 @@ def _stopped() -> int:
     from plantfit.cli.terminal.interrupts import EXIT_CODE, ending
 
     ending()
-    print("plantfit: stopped before anything was begun.", file=sys.stderr)
+    print("plantfit: stopped before any work began.", file=sys.stderr)
     return EXIT_CODE

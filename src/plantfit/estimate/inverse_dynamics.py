@@ -18,6 +18,7 @@ from plantfit.recording.clean.sampling import uniform_period, with_signal
 from plantfit.recording.record import Recording, Signal
 from plantfit.recording.signals.derivative import differentiate
 
+FEWEST = 16  # samples that the parallel filter needs, forwards and backwards
 SAMPLES = 2.5  # kept per period of the band's upper end: the filter leaves little above it
 
 
@@ -67,6 +68,17 @@ class InverseDynamics:
 
     def columns(self, recording: Recording) -> tuple[LinearModel, Recording]:
         """The regression whose signals are its columns, and these signals, filtered in parallel and thinned."""
+        period = uniform_period(recording, "inverse dynamics")
+        if not 0 < self.band < 0.4 / period:
+            raise RecordingError(f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz.")
+        every = max(1, int(1.0 / (SAMPLES * self.band * period)))
+        least = max(FEWEST, 2 * round(1.0 / self.band / period) + every + 1)
+        if len(recording) < least:
+            raise RecordingError(
+                f"Recording {recording.name!r} has {len(recording)} samples, which are too few: the filter of band = "
+                f"{self.band:g} Hz needs "
+                f"{least} at this sampling rate; use a longer recording{', or a higher band' if least > FEWEST else ''}."
+            )
         signals = self.motion(recording)
         given = self.torques(signals)
         missing = [o for o in self.model.outputs if o not in given]
@@ -75,10 +87,6 @@ class InverseDynamics:
         for output, unit in self.model.outputs.items():
             torque = np.broadcast_to(given[output], signals.t.shape)
             signals = with_signal(signals, output, torque, unit, f"{output!r} is computed from the other signals.")
-        period = uniform_period(recording, "inverse dynamics")
-        if not 0 < self.band < 0.4 / period:
-            raise RecordingError(f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz.")
-        every = max(1, int(1.0 / (SAMPLES * self.band * period)))
         model, made = filter_alike(self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band)
         return model, made[recording.name]
 
@@ -103,7 +111,10 @@ class InverseDynamics:
         Raises RecordingError for what is missing, SimulationError where the loop cannot be simulated at an estimate.
         """
         if simulate is None and reference is None:
-            raise RecordingError("Nothing to make instruments of; give simulate, the noise-free closed loop, or the reference motion.")
+            raise RecordingError(
+                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference (the "
+                "motion to follow)."
+            )
         (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)
         first = x if reference is None else self.rows(self.followed(recording, reference))[0]

@@ -14,7 +14,9 @@ def before_filter(study: Study) -> Regression | None:
     Raises SpecError for a study with a table [regression], whose instruments and band a diagnosis does not follow.
     """
     if study.regression is not None:
-        raise SpecError(f"{study.path.name} has a table [regression], which is solved in closed form and has no diagnosis; leave it out.")
+        raise SpecError(
+            f"{study.path.name} has a table [regression], which is solved in closed form and cannot be diagnosed; use `plantfit run` alone."
+        )
     if study.table.model.filter_alike is None:
         return None
     model = model_of(study.table, study.path)

@@ -61,7 +61,9 @@ def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
     rows = {p["name"]: p for p in findings["parameters"]}
     found = (findings.get("determined") or {}).get("combinations", ())
     if not found:
-        raise SpecError(f"{study.name}: no combination of parameters is known beside those that are determined; nothing is to be changed.")
+        raise SpecError(
+            f"{study.name}: all that the data determine are parameters by themselves, no combinations; nothing has to be changed."
+        )
     document = tomlkit.parse(study.text.removeprefix("\ufeff"))
     made: dict[str, str] = {}
     held: dict[str, float] = {}
@@ -76,7 +78,7 @@ def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
             made.update(_replaced(document, study, group, pivots, unit))
         held.update({n: _hold(document, rows[n]) for n in group.names if n not in pivots})
     if not held:
-        raise SpecError(f"{study.name}: nothing can be changed, because {'; '.join(dict.fromkeys(left.values()))}.")
+        raise SpecError(f"{study.name}: no combination can be written, because {'; '.join(dict.fromkeys(left.values()))}.")
     # TOML leaves out a newline behind the quotes, which tomlkit does not write
     text = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
     try:

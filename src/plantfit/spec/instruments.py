@@ -30,11 +30,12 @@ def missing_instruments(table: SpecTable, model: Any) -> dict[str, str] | None:
     if made:
         told = f"The columns of this regression are made of {names}, derivatives of measured signals"
     else:
-        told = f"The columns of this regression hold {names}: unless a sensor of its own gives it, it is made of derivatives"
+        told = f"The columns of this regression hold {names}, which is made of derivatives unless a sensor measures it"
     return {
         "level": "warning",
-        "sentence": f"{told}, whose errors stand in the columns, and least squares is drawn away from the truth by more than its standard "
-        f"errors say; {HOW}.",
+        "sentence": f"{told}, so the columns have errors of measurement; least squares then differs from the truth by more than "
+        "its standard "
+        f"errors say. Instead {HOW}.",
         "write": '[regression] method = "instrumental variables"',
     }
 

@@ -22,14 +22,14 @@ def check_tables(table: SpecTable, path: Path) -> None:
     """What the study file says by itself."""
     m = table.model
     if len(m.states) > MOST_STATES:
-        raise SpecError(f"{path.name}: [model] has {len(m.states)} states, and at most {MOST_STATES} can be simulated; use fewer.")
+        raise SpecError(f"{path.name}: [model] has {len(m.states)} states; at most {MOST_STATES} can be simulated, so use fewer.")
     for name, t in m.tables.items():
         axes = t.nodes if isinstance(t.nodes, list) and t.nodes and all(isinstance(a, list) for a in t.nodes) else [t.nodes]
         count = 1
         for axis in axes:
             count *= len(axis) if isinstance(axis, list) else 1
         if count > MOST_NODES:
-            raise SpecError(f"{path.name}: model.tables.{name} has {count} nodes, and a table at most {MOST_NODES}; use fewer nodes.")
+            raise SpecError(f"{path.name}: model.tables.{name} has {count} nodes; a table can have at most {MOST_NODES}, so use fewer.")
 
 
 def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
@@ -37,25 +37,25 @@ def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
     for key, most in (COUNTS | {"window": samples}).items():
         value = arguments.get(key)
         if isinstance(value, int) and value > most:
-            of = "the recording has samples" if key == "window" else "a filter can have"
-            raise SpecError(f"{place}: {key} = {value!s:.40} is more than {of} ({most}); give a smaller number.")
+            of = "samples of the recording" if key == "window" else "largest order of a filter"
+            raise SpecError(f"{place}: {key} = {value!s:.40} is too large; the limit is {most} ({of}), so give a smaller number.")
 
 
-def check_problem(problem: "Problem", table: SpecTable, path: Path) -> None:
-    """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future."""
+def check_problem(problem: "Problem", table: SpecTable) -> None:
+    """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future. Errors leave out the file."""
     from plantfit.models.parts.clock_shift import shift_name  # loads jax, and `check_tables` comes before it
 
     if problem.space.dimension > MOST_COORDINATES:
         raise SpecError(
-            f"{path.name}: {problem.space.dimension} values are free, and at most {MOST_COORDINATES} can be searched; "
-            "hold some, or use fewer nodes and recordings."
+            f"{problem.space.dimension} values are free; at most {MOST_COORDINATES} can be searched, "
+            "so hold some of them, or use fewer nodes and recordings."
         )
     samples = sum(len(e.recording) for e in problem.experiments.values())
     substeps = 1 if table.simulation.stepper == "adaptive" else table.simulation.substeps or 1
     if samples * substeps > MOST_STEPS:
         raise SpecError(
-            f"{path.name}: simulation.substeps = {substeps} at {samples} samples are {samples * substeps} steps for each candidate, "
-            f"and at most {MOST_STEPS} are made; leave substeps out to have them chosen."
+            f"simulation.substeps = {substeps} at {samples} samples are {samples * substeps} steps for each candidate; "
+            f"at most {MOST_STEPS} are made, so leave substeps out and plantfit chooses them."
         )
     _ = problem.space.start  # raises SpaceError where one lies outside its bounds
     shifts = {shift_name(s) for s in table.model.clock_shift}  # of a clock, which may go either way
@@ -63,6 +63,7 @@ def check_problem(problem: "Problem", table: SpecTable, path: Path) -> None:
     for c in problem.space.coordinates:
         if c.parameter in late and c.lower < 0:
             raise SpecError(
-                f"{path.name}: parameters.{c.parameter} is a dead time with the lower bound {c.lower:g} {c.unit or ''}; "
-                "an input cannot act before it happens, so begin at 0. If two clocks differ, model.clock_shift frees a signal's."
+                f"parameters.{c.parameter} is a dead time, and its lower bound is {f'{c.lower:g} {c.unit or str()}'.rstrip()}; "
+                "an input cannot act before it happens, so begin the bounds at 0. If the clocks of two signals differ, use "
+                "model.clock_shift."
             )

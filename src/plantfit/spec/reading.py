@@ -32,6 +32,8 @@ def read_text(path: Path) -> str:
             f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
             "`plantfit init RECORDING.csv`."
         ) from None
+    except IsADirectoryError:
+        raise SpecError(f"{str(path)!r} is a folder; name a study file in it.") from None
     except UnicodeDecodeError as error:
         raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
     except (OSError, ValueError) as error:
@@ -48,4 +50,6 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     try:
         return study_of(table, text, path, files or {})
     except (OverflowError, RecursionError) as error:
-        raise SpecError(f"{path.name}: a number is too large or something nested too deeply ({in_words(error)}); correct it.") from error
+        raise SpecError(
+            f"{path.name}: a number is too large, or there are too many brackets inside each other ({in_words(error)}); correct it."
+        ) from error

@@ -2,13 +2,15 @@
 
 import difflib
 import inspect
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from plantfit import recording as rec
-from plantfit.errors import RecordingError, SpecError, in_words
+from plantfit.errors import PlantfitError, RecordingError, SpecError, in_words
 from plantfit.problem import Experiment, split
 from plantfit.recording.unmeasured import unmeasured
 from plantfit.spec.limits import check_step
@@ -33,10 +35,15 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,
     }  # fmt: skip
-    record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
+    with _naming(f"{path.name}, [recording.{name}]"):
+        record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
     for i, step in enumerate(r.clean):
         arguments = dict(step)
         kind = arguments.pop("step", None)
+        if kind is None:
+            raise SpecError(
+                f'{path.name}: recording.{name}.clean[{i}] says no step; write step = "NAME". Known steps: {", ".join(CLEANING)}.'
+            )
         if kind not in CLEANING:
             near = difflib.get_close_matches(str(kind), CLEANING, 1)
             raise SpecError(
@@ -57,30 +64,54 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
             told = in_words(error).removeprefix(f"{kind}() ")
             raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md.") from error
-    return unmeasured(record, r.unmeasured) if r.unmeasured else record
+    with _naming(f"{path.name}, [recording.{name}]"):
+        return unmeasured(record, r.unmeasured) if r.unmeasured else record
+
+
+@contextmanager
+def _naming(place: str) -> Iterator[None]:
+    """Errors of a recording begin with its table in the study file."""
+    try:
+        yield
+    except PlantfitError as error:
+        error.args = (f"{place}: {error}",)
+        raise
 
 
 def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
     """TypeError in the words of a study file where a step gets too many or too few of its arguments."""
+    known = list(signature.parameters)[1:]  # the first is the recording
+    if "signal" not in known:
+        known = ["signal" if n == "name" else n for n in known]
+    unknown = next((n for n in arguments if n not in signature.parameters), None)
+    if unknown is not None:
+        near = difflib.get_close_matches(unknown, known, 1)
+        raise TypeError(f"there is no key {unknown!r}{f' (did you mean {near[0]!r}?)' if near else ''}; this step takes {', '.join(known)}")
     try:
         signature.bind(None, **arguments)
     except TypeError as error:
-        raise TypeError(str(error).replace("required argument: 'name'", "required argument: 'signal'")) from None
+        lacking = re.search(r"'(\w+)'", str(error))
+        if lacking is None:
+            raise
+        key = "signal" if lacking[1] == "name" and "signal" in known else lacking[1]
+        raise TypeError(f"the key {key!r} is missing; add it") from None
 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
     record = read_recording(name, r, path, files)
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
-            raise SpecError(f"{path.name}: recording.{name} has split and also fit or validate; keep one way to say it.")
-        cut = split(record, r.split, r.skip)
-        return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
+            raise SpecError(f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and validate.")
+        with _naming(path.name):
+            cut = split(record, r.split, r.skip)
+            return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
     if fit is not None and unseen is not None and fit == every:
         raise SpecError(
-            f"{path.name}: recording.{name} gives validate but no fit; add fit = [start, stop] in seconds so that they do not overlap."
+            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time that is "
+            "in validate too."
         )
     for what, interval in (("fit", fit), ("validate", unseen)):
         if interval is not None and interval[0] >= interval[1]:
@@ -89,6 +120,8 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
             )
     if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
         raise SpecError(
-            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be fitted."
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be "
+            "fitted, so choose intervals that do not overlap."
         )
-    return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
+    with _naming(path.name):
+        return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)

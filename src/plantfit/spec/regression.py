@@ -63,11 +63,11 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
     assert r is not None
     where = f"{path.name}, [regression]"
     if table.model.filter_alike is not None:
-        raise SpecError(f"{where}: band filters columns and targets alike already; leave filter_alike out of [model].")
+        raise SpecError(f"{where}: band already filters columns and targets alike; leave filter_alike out of [model].")
     with _naming(where):
         linear = model if isinstance(model, LinearModel) else as_regression(model)
     if table.uncertainty:
-        raise SpecError(f"{where}: errors of instruments are not carried through a regression; leave [uncertainty] out.")
+        raise SpecError(f"{where}: a regression cannot use stated errors of instruments; leave [uncertainty] out.")
     _check(r, linear, experiments, where)
     inverse = InverseDynamics(
         linear, {a: (pair[0], pair[1]) for a, pair in r.derivatives.items()}, _targets(r, linear, experiments, where), tuple(r.held),
@@ -101,15 +101,15 @@ def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Exp
     if r.method == "instrumental variables" and not r.reference:
         raise SpecError(
             f'{where}: instrumental variables need reference = {{ SIGNAL = "SIGNAL_ref" }}, the recorded motion that the controller was to '
-            "follow; where none was recorded, instruments of a simulated loop are made in Python (docs/regression.md), or give "
+            "follow; where none was recorded, make instruments from a simulated loop in Python (docs/regression.md), or write "
             'method = "least squares".'
         )
     if r.method == "least squares" and r.reference:
-        raise SpecError(f"{where}: reference makes instruments, and method is least squares; leave one of them out.")
+        raise SpecError(f"{where}: reference is for instrumental variables, but method is least squares; leave one of the two out.")
     names = [*r.derivatives, *(n for pair in r.derivatives.values() for n in pair)]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise SpecError(f"{where}: derivatives names {twice!r} twice; a signal and its two derivatives need names of their own.")
+        raise SpecError(f"{where}: derivatives names {twice!r} twice; give the signal and its two derivatives different names.")
     for name, e in experiments.items():
         known = list(e.recording.signals)
         for key, wanted in (("derivatives", list(r.derivatives)), ("held", r.held), ("reference", list(r.reference.values()))):
@@ -121,24 +121,27 @@ def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Exp
                     )
     for signal, reference in r.reference.items():
         if signal not in r.derivatives:
-            raise SpecError(f"{where}: reference gives {signal!r}, which derivatives does not name; it names {', '.join(r.derivatives)}.")
+            raise SpecError(f"{where}: reference names {signal!r}, which is not in derivatives; there are {', '.join(r.derivatives)}.")
         if reference in r.derivatives or reference in made:
             raise SpecError(
-                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal, whose errors are those of the columns; name "
+                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal and has the errors of the columns; name "
                 "the motion that the controller was to follow."
             )
         for name, e in experiments.items():
             if np.array_equal(e.recording[signal], e.recording[reference], equal_nan=True):
                 raise SpecError(
-                    f"{where}: in recording {name!r} {reference!r} is {signal!r} sample by sample, so that it has the same errors and is "
-                    "no instrument; record the motion that the controller was to follow."
+                    f"{where}: in recording {name!r} {reference!r} has the same samples as {signal!r}, so it has the same "
+                    "errors and cannot be "
+                    "an instrument; record the motion that the controller was to follow."
                 )
     lacking = [a for a in r.derivatives if a not in r.reference]
     if r.reference and lacking:
-        raise SpecError(f"{where}: reference gives nothing for {lacking[0]!r}; give one for each of {', '.join(r.derivatives)}.")
+        raise SpecError(f"{where}: reference has no entry for {lacking[0]!r}; give one for each of {', '.join(r.derivatives)}.")
     unknown = [o for o in r.targets if o not in model.outputs]
     if unknown:
-        raise SpecError(f"{where}: targets gives {unknown[0]!r}, which is no output of {model.name!r}; it has {', '.join(model.outputs)}.")
+        raise SpecError(
+            f"{where}: targets names {unknown[0]!r}, which is not an output of {model.name!r}; its outputs are {', '.join(model.outputs)}."
+        )
     read = next((n for n in model.signals if n not in made and any(n not in e.recording.signals for e in experiments.values())), None)
     if read is not None:
         raise SpecError(
@@ -156,7 +159,7 @@ def _targets(
         for o in recorded:
             if o not in e.recording.signals:
                 raise SpecError(
-                    f"{where}: {o!r} is what the columns explain, and recording {name!r} does not have it; name its column under signals, "
+                    f"{where}: {o!r} is an output, but recording {name!r} has no such signal; name its column under signals, "
                     f'or give a formula, as in targets = {{ {o} = "kt*i" }}.'
                 )
     units = {o: model.outputs[o] for o in recorded}

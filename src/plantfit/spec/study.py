@@ -77,7 +77,7 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
             name=table.name,
             standard_errors=table.standard_errors,
         )
-        check_problem(problem, table, path)
+        check_problem(problem, table)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
     solved = table.regression is not None
     problem.study_file = StudyFile(text, path, errors, table.propagation.draws, solved)
@@ -104,8 +104,10 @@ def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
 def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
     """The model of a validated study file; the errors of the models' room name file and table."""
     m = table.model
-    if (m.kind is None) == (m.equations is None):
-        raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """...""", and not both.')
+    if m.kind is None and m.equations is None:
+        raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """..."""; add one.')
+    if m.kind is not None and m.equations is not None:
+        raise SpecError(f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one out.")
     with _naming(f"{path.name}, [model]"):
         model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
         if not m.extensions:
@@ -122,7 +124,7 @@ def _naming(place: str) -> Iterator[None]:
         error.args = (f"{place}: {error}",)
         raise
     except RecursionError:
-        raise SpecError(f"{place}: something is nested too deeply; write it with fewer brackets.") from None
+        raise SpecError(f"{place}: something has too many brackets inside each other; write it with fewer.") from None
     except (OverflowError, MemoryError) as error:
         raise SpecError(f"{place}: a number or a table is too large ({error}); correct it there.") from None
 
@@ -154,7 +156,7 @@ def _from_text(table: SpecTable) -> Model:
 
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
-        raise SpecError(f"{path.name}, [model]: filter_alike is for regressions, and {model.name!r} is simulated; leave it out.")
+        raise SpecError(f"{path.name}, [model]: filter_alike is only for regressions, but {model.name!r} is simulated; leave it out.")
     from plantfit.problem.measure.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
 
     with _naming(f"{path.name}, [model] filter_alike"):

@@ -11,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from plantfit.errors import SpecError
 from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.spec.asked import asked
 
 
 class _Table(BaseModel):
@@ -30,7 +31,7 @@ def _numbers(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(_numbers(v) for v in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{shown_value(value)} is not a number")
+        raise ValueError("write a number without quotation marks; its unit belongs in the key 'unit'")
     try:
         return float(value)
     except OverflowError:
@@ -265,13 +266,13 @@ class SpecTable(_Table):
 def validated(text: str, path: Path) -> SpecTable:
     """The text as checked tables; nothing is read or built yet."""
     if len(text) > LONGEST:
-        raise SpecError(f"{path.name} has {len(text)} characters, and a study file at most {LONGEST}; data belong into recordings.")
+        raise SpecError(f"{path.name} has {len(text)} characters; a study file can have at most {LONGEST}, so put data into recordings.")
     try:
         raw = tomllib.loads(text.removeprefix("\ufeff"))
     except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"{path.name} is not valid TOML: {error}. Check quotes and brackets there.") from None
+        raise SpecError(f"{path.name} is not valid TOML: {error}. {_other_kind(text, path)}") from None
     except RecursionError:
-        raise SpecError(f"{path.name} has brackets or keys nested too deeply; write it with at most {DEEPEST} levels.") from None
+        raise SpecError(f"{path.name} has too many brackets or keys inside each other; write it with at most {DEEPEST} levels.") from None
     except (ValueError, OverflowError) as error:  # a number or a date that Python cannot hold
         raise SpecError(f"{path.name} has a number or date that cannot be read ({_first(error)}); correct it there.") from None
     if (place := _too_deep(raw)) is not None:
@@ -282,6 +283,15 @@ def validated(text: str, path: Path) -> SpecTable:
         raise SpecError(_sentence(error, raw, path)) from None
     except (RecursionError, OverflowError, TypeError, ValueError) as error:
         raise SpecError(f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes.") from None
+
+
+def _other_kind(text: str, path: Path) -> str:
+    """What to do about a text that is not TOML."""
+    if text.lstrip("\ufeff \t\r\n").startswith("{"):
+        return "It looks like JSON; write the study file in TOML (docs/study-file.md)."
+    if path.suffix.lower() in (".csv", ".tsv", ".txt", ".dat"):
+        return f"It looks like a recording; make a study file from it with `plantfit init {path.name}`."
+    return "Check quotes and brackets there."
 
 
 def json_schema() -> dict[str, Any]:
@@ -324,20 +334,25 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     first = every[0]
     if first["type"] == "missing":  # a misspelt key beside it says more
         first = next((e for e in every if e["type"] == "extra_forbidden" and e["loc"][:-1] == first["loc"][:-1]), first)
-    places = [
-        str(p) for p in first["loc"] if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int", "tuple[float, float]")
-    ]
+    short = first["type"] == "missing" and isinstance(first["loc"][-1], int)  # a list with too few entries
+    places = key_places(first["loc"][:-1] if short else first["loc"])
     key = ".".join(p if len(p) <= 60 else f"{p[:60]}..." for p in places)
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), owner, 1)
         hint = f"did you mean {near[0]!r}?" if near else f"known there: {', '.join(owner)}."
         return f"{path.name}: key {key!r} is not known; {hint}"
-    if first["type"] == "missing":
+    if first["type"] == "missing" and not short:
         return f"{path.name}: key {key!r} is missing; add it."
     value = first.get("input")
     shown = "" if isinstance(value, dict) else f" = {shown_value(value)}"
-    return f"{path.name}: {key}{shown} cannot be used: {first['msg'].lower()}. Correct it there."
+    told = [e for e in every if key_places(e["loc"]) == places or (e is first)]
+    return f"{path.name}: {key}{shown} cannot be used: {asked(told)}."
+
+
+def key_places(loc: tuple[Any, ...]) -> list[str]:
+    """The keys on the way to a value, without the names of types that pydantic puts between."""
+    return [str(p) for p in loc if not str(p).endswith(("Table", "]")) and p not in ("str", "float", "int")]
 
 
 def _owner(loc: tuple[Any, ...]) -> list[str]:

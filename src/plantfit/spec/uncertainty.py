@@ -45,7 +45,9 @@ def _error(name: str, own: UncertaintyTable, table: SpecTable, problem: Problem)
     source = _source(name, own, unit, _factor(own, kind, unit, table, problem))
     relative = kind in ("gain", "clock")
     if relative and source.limit >= 1.0:
-        raise SpecError(f'it says that the {kind} may err by {source.limit:g} of itself; write 0.01 or unit = "%" for one per cent.')
+        raise SpecError(
+            f'the error of the {kind} is {100 * source.limit:g} %, which is too large; for one per cent write 0.01, or 1 with unit = "%".'
+        )
     recordings = None if own.recordings is None else tuple(own.recordings)
     of = "" if kind == "clock" else names[0] if len(names) == 1 else tuple(names)
     return SharedError(source, kind, of, own.span or 1.0, recordings, own.per_recording)
@@ -57,16 +59,16 @@ def _kind(own: UncertaintyTable, table: SpecTable, problem: Problem) -> Kind:
     other = next((n for n in names if n not in signals), None)
     if other is None:
         if own.kind is None:
-            raise SpecError(f"kind is missing: say what the error does to {names[0]!r}, one of {', '.join(map(repr, KINDS))}.")
+            raise SpecError(f"kind is missing; add how {names[0]!r} errs, one of {', '.join(map(repr, KINDS))}.")
         _check_together(own, names, problem)
         return own.kind
     if other != "clock":
         _check_constant(other, table, problem)
     what = "the clock" if other == "clock" else f"the parameter {other!r}"
     if len(names) > 1:
-        raise SpecError(f"of names {what} among others; only signals share an error, write a table of its own for it.")
+        raise SpecError(f"of names {what} together with others; only signals can share an error, so write another table for it.")
     if own.kind is not None:
-        raise SpecError(f"kind = {own.kind!r} is for signals, and of names {what}; leave kind out.")
+        raise SpecError(f"kind = {own.kind!r} is only for signals, but 'of' names {what}; leave kind out.")
     return "clock" if other == "clock" else "constant"
 
 
@@ -80,7 +82,7 @@ def _check_together(own: UncertaintyTable, names: list[str], problem: Problem) -
     if len(set(found.values())) > 1:
         units_said = ", ".join(f"{n} in {unit}" for n, unit in found.items())
         raise SpecError(
-            f"one {own.kind} cannot be that of signals in different units ({units_said}); only a gain can, or write two tables."
+            f"signals in different units ({units_said}) cannot share one {own.kind}; they can share a gain, or write one table for each."
         )
 
 
@@ -88,19 +90,19 @@ def _check_constant(of: str, table: SpecTable, problem: Problem) -> None:
     parameters = problem.space.parameters
     if of in table.model.constants:
         raise SpecError(
-            f"{of!r} stands among the constants of [model], which nothing may move; make it a held parameter: "
+            f"{of!r} is a constant of [model], and constants have no uncertainty; make it a held parameter: "
             f"[parameters.{of}] with value and unit."
         )
     if of not in parameters:
         held = [n for n, p in parameters.items() if p.value is not None and not p.shape]
         known = [*problem.predictor.needs, "clock", *held]
-        raise SpecError(f"of = {of!r} names no signal of the model, no held parameter, and not the clock{_near(of, known)}")
+        raise SpecError(f"of = {of!r} is not a signal of the model, a held parameter or the clock{_near(of, known)}")
     p = parameters[of]
     if p.tied is not None:
         raise SpecError(f"{of!r} is tied to {p.tied!r}; state the uncertainty of {problem.space.root(of)!r}.")
     if p.value is None:
         raise SpecError(
-            f"{of!r} is fitted, so that the data say how uncertain it is; hold it with [parameters.{of}] value, or leave this out."
+            f"{of!r} is fitted, so its uncertainty comes from the data; hold it with [parameters.{of}] value, or leave this table out."
         )
     if p.shape:
         raise SpecError(f"{of!r} is a table; only single held numbers can have an uncertainty.")
@@ -114,31 +116,31 @@ def _check_size(own: UncertaintyTable) -> None:
             "the size is missing: give limit (half width from the data sheet), standard, expanded with its k, or repeats = [...]."
         )
     if len(given) > 1:
-        raise SpecError(f"it gives {' and '.join(given)}; keep one way to say how large the error is.")
+        raise SpecError(f"it gives {' and '.join(given)}; keep one of them, as each says how large the error is.")
     size = given[0]
     value = getattr(own, size)
     if size == "repeats":
         if not np.all(np.isfinite(value)):
-            raise SpecError(f"repeats = {list(value)} holds what is no number; leave it out.")
+            raise SpecError(f"repeats = {list(value)} has values that are not finite numbers; leave these out.")
     elif not (np.isfinite(value) and value >= 0):
-        better = f"an uncertainty has no sign, write {-value:g}" if -np.inf < value < 0 else "give a number of at least 0"
+        better = f"an uncertainty has no sign, so write {-value:g}" if -np.inf < value < 0 else "give a number of at least 0"
         raise SpecError(f"{size} = {value:g} cannot be used; {better}.")
     for key, where in (("shape", "limit"), ("k", "expanded")):
         if getattr(own, key) is not None and size != where:
-            raise SpecError(f"{key} belongs to {where}, and {size} is given; leave {key} out.")
+            raise SpecError(f"{key} can be used only with {where}, but {size} is given; leave {key} out.")
     if own.degrees_of_freedom is not None and size == "repeats":
-        raise SpecError("repeats tell their own degrees of freedom; leave degrees_of_freedom out.")
+        raise SpecError("the degrees of freedom follow from repeats; leave degrees_of_freedom out.")
     if own.shape == "normal":
         raise SpecError('a normal distribution has no limit; give standard, or expanded with its k, in place of shape = "normal".')
 
 
 def _check_span(own: UncertaintyTable, kind: Kind) -> None:
     if kind in ("zero", "full scale") and own.span is None:
-        raise SpecError(f"kind = {kind!r} needs span: how far the sensor measures, in the unit of {_names(own)[0]!r}.")
+        raise SpecError(f"kind = {kind!r} needs span; give the range of the sensor, in the unit of {_names(own)[0]!r}.")
     if kind == "gain" and own.span is not None:
-        raise SpecError('a gain is a share of the reading, so that span says nothing; for a share of the span use kind = "full scale".')
+        raise SpecError('a gain is a share of the reading, so span has no meaning; for a share of the span use kind = "full scale".')
     if kind in ("clock", "constant") and own.span is not None:
-        raise SpecError(f"span is for signals, and of names {_names(own)[0]!r}; leave span out.")
+        raise SpecError(f"span is only for signals, but 'of' names {_names(own)[0]!r}; leave span out.")
 
 
 def _unit(of: str, kind: Kind | None, problem: Problem) -> str | None:
@@ -156,13 +158,16 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
         if own.unit is None:
             return 1.0
         if not units.compatible(own.unit, "1"):
-            raise UnitError(f'a {kind} is relative, and {own.unit!r} is not: write unit = "%" or "ppm", or none for a plain share.')
+            raise UnitError(f'a {kind} is relative, and {own.unit!r} is not; write unit = "%" or "ppm", or give a share without unit.')
         return units.factor_offset(own.unit, "1")[0]
     if kind == "constant":
         name = _names(own)[0]
         p = problem.space.parameters[name]
         if unit is not None and units.is_point(unit) and own.unit is not None and units.parse(own.unit) in [units.parse(s) for s in SHARES]:
-            raise UnitError(f"{name!r} is in {unit!r}, of which {own.unit} is no size; give the error in {units.difference_of(unit)!r}.")
+            raise UnitError(
+                f"{name!r} is in {unit!r}, whose zero is arbitrary, so an error in {own.unit} has no size; give it "
+                f"in {units.difference_of(unit)!r}."
+            )
         beside = table.parameters[name].unit if name in table.parameters else None
         return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # type: ignore[arg-type]
     return _absolute(own, own.unit, unit, own.span, "the span: give span")
@@ -175,12 +180,12 @@ def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whol
     parsed = units.parse(given)
     if parsed in [units.parse(s) for s in SHARES] and not (wanted is not None and units.parse(wanted) == parsed):
         if not whole:
-            raise SpecError(f"unit = {given!r} is a share of {of_what}, or give a number in {wanted or 'its unit'!r}.")
+            raise SpecError(f"unit = {given!r} is a share of {of_what}, or give the error in {wanted or 'its unit'!r}.")
         return units.factor_offset(given, "1")[0] * whole
     if wanted is None:
         raise UnitError(f"unit = {given!r}, but {_names(own)[0]!r} has no unit; leave unit out, or give {_names(own)[0]!r} one.")
     if not units.compatible(given, wanted):
-        raise UnitError(f"unit = {given!r} cannot be turned into {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them.")
+        raise UnitError(f"unit = {given!r} cannot be converted to {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them.")
     return units.factor(given, wanted)  # an uncertainty is a difference: 1 degC is 1 K
 
 

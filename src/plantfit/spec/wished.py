@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from plantfit.errors import SpecError
-from plantfit.spec.tables import validated
+from plantfit.spec.asked import asked
+from plantfit.spec.tables import key_places, validated
 
 Table = TypeVar("Table", bound=BaseModel)
 
@@ -26,5 +27,8 @@ def wished(kind: type[Table], table: Mapping[str, Any], wishes: Mapping[str, Any
     try:
         return kind.model_validate(given)
     except ValueError as error:
-        first = error.errors()[0]  # type: ignore[attr-defined]  (pydantic's)
-        raise SpecError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r} cannot be used: {first['msg'].lower()}.") from None
+        every = error.errors()  # type: ignore[attr-defined]  (pydantic's)
+        places = key_places(every[0]["loc"])
+        told = asked([e for e in every if key_places(e["loc"]) == places])
+        name = ".".join(p for p in places if not p.isdigit())
+        raise SpecError(f"{name} = {every[0]['input']!r} cannot be used: {told}.") from None

@@ -113,7 +113,7 @@ def _methods(name: str, methods: Any) -> tuple[str, ...]:
         if not isinstance(method, str):
             raise SearchError(f"Study {name!r}: method {method!r} is not a name; write it as text, for example 'auto'.")
         if method in chosen[:k]:
-            raise SearchError(f"Study {name!r}: method {method!r} stands twice; name it once and raise runs for more runs.")
+            raise SearchError(f"Study {name!r}: method {method!r} is named twice; name it once, and raise runs for more runs.")
     return chosen
 
 

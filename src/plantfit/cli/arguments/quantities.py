@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from plantfit.errors import SpecError
+from plantfit.errors import SpecError, UnitError
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
@@ -20,14 +20,17 @@ def quantity(option: str, text: str | None, unit: str) -> float | None:
         return value
     from plantfit.units import convert
 
-    return convert(value, given, unit)
+    try:
+        return convert(value, given, unit)
+    except UnitError as error:
+        raise UnitError(f"{option} {text!r}: {error}") from None
 
 
 def number_and_unit(option: str, text: str, default: str) -> tuple[float, str]:
     """(number, unit as written, `default` without one)."""
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise SpecError(f"{option} {text!r} is no number; write for example {option} 6{default}.")
+        raise SpecError(f"{option} {text!r} is not a number with a unit; write for example {option} 6{default}.")
     return float(match[1]), match[2] or default
 
 
@@ -38,7 +41,7 @@ def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | N
         name, sign, ends = text.partition("=")
         match = _RANGE.fullmatch(ends)
         if not sign or match is None or not (match[1] or match[2]):
-            raise SpecError(f"{option} {text!r} is no range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} T=..80.")
+            raise SpecError(f"{option} {text!r} is not a range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} T=..80.")
         found[name.strip()] = tuple(f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
     return found
 
@@ -58,6 +61,6 @@ def fraction(option: str, text: str) -> float:
     """0.95 of "95%", "95 %" and "0.95"; raises SpecError."""
     number, sign, rest = text.strip().partition("%")
     if rest.strip() or re.fullmatch(_NUMBER, number.strip()) is None:
-        raise SpecError(f"{option} {text!r} is no share; write for example {option} 95%.")
+        raise SpecError(f"{option} {text!r} is not a share; write for example {option} 95%.")
     value = float(number)
     return value / 100.0 if sign or value > 1.0 else value

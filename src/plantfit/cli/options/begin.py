@@ -10,9 +10,11 @@ from plantfit.cli.options.shared import Json, Spec
 def demo(
     name: Annotated[str, typer.Argument(help="Name of a demo; see `plantfit demo --list`.")] = "gearmotor",
     out: Annotated[str, typer.Option("--out", "-o", help="Folder for the reports.")] = "out",
-    list_: Annotated[bool, typer.Option("--list", help="Name the demos and stop.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="The whole study instead of a short form of it, where a demo has both.")] = False,
-    files: Annotated[bool, typer.Option("--files", help="Copy its recordings and study files only, to work with them yourself.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the demos and stop.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="Run the whole study and not the short one, where a demo has both.")] = False,
+    files: Annotated[
+        bool, typer.Option("--files", help="Only copy its recordings and study files, so that you can work with them.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Work a demo that comes with plantfit, end to end, and write its reports."""
@@ -32,12 +34,13 @@ def init(
         str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing study file.")] = False,
-    inputs: Annotated[list[str] | None, typer.Option("--input", help="Column that is an input; once for each.")] = None,
-    outputs: Annotated[list[str] | None, typer.Option("--output", help="Column that is an output; once for each.")] = None,
+    inputs: Annotated[list[str] | None, typer.Option("--input", help="A column that is an input (repeat).")] = None,
+    outputs: Annotated[list[str] | None, typer.Option("--output", help="A column that is an output (repeat).")] = None,
     candidates: Annotated[bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; take what the columns seem to be.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; take the columns for what they seem to be.")] = False,
     model: Annotated[
-        str | None, typer.Option("--model", help="dc_motor: its constants with a current, else what the speed determines of them.")
+        str | None,
+        typer.Option("--model", help="dc_motor: all its constants where a current is recorded, else what the speed alone determines."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -48,18 +51,18 @@ def init(
 
 
 def new(
-    name: Annotated[str | None, typer.Argument(help="A list of parts, NAME.net; or with --from the name of the study.")] = None,
+    name: Annotated[str | None, typer.Argument(help="A list of parts, NAME.net; with --from the name of the new study.")] = None,
     from_: Annotated[str | None, typer.Option("--from", help="A plant to begin with; --list names them.")] = None,
     recording: Annotated[
-        str | None, typer.Option("--recording", help="Its file of measurements, whose columns are found by name and unit.")
+        str | None, typer.Option("--recording", help="The file of measurements; its columns are found by name and unit.")
     ] = None,
     columns: Annotated[
-        list[str] | None, typer.Option("--column", help="SIGNAL=COLUMN, where they are not found so; once for each.")
+        list[str] | None, typer.Option("--column", help="SIGNAL=COLUMN, for a column that is not found that way (repeat).")
     ] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml if left out.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
-    list_: Annotated[bool, typer.Option("--list", help="Name the plants to begin with and stop.")] = False,
-    parts: Annotated[bool, typer.Option("--parts", help="Name the parts that a list may have and stop.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="List the plants to begin with and stop.")] = False,
+    parts: Annotated[bool, typer.Option("--parts", help="List the parts that may be used and stop.")] = False,
     json: Json = False,
 ) -> None:
     """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the library."""
@@ -73,10 +76,10 @@ def new(
 def look(
     file: Annotated[str, typer.Argument(help="A study file (TOML), or a file of measurements.")],
     input_: Annotated[
-        list[str] | None, typer.Option("--input", help="An input (repeat); those of the study, else the first column, if left out.")
+        list[str] | None, typer.Option("--input", help="An input (repeat); if left out, those of the study, else the first column.")
     ] = None,
     output: Annotated[
-        list[str] | None, typer.Option("--output", help="An output (repeat); those of the study, else the last column, if left out.")
+        list[str] | None, typer.Option("--output", help="An output (repeat); if left out, those of the study, else the last column.")
     ] = None,
     recording: Annotated[str | None, typer.Option("--recording", help="Which recording of a study file; the first if left out.")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-look.html if left out.")] = None,
@@ -98,10 +101,11 @@ def check(
         float | None, typer.Option(help="With --verify: halve the steps until the largest error is below this (unit of the output).")
     ] = None,
     holds: Annotated[
-        bool, typer.Option("--holds", help="Also fit shortly with every input held and interpolated between samples; say which fits.")
+        bool,
+        typer.Option("--holds", help="Also fit briefly with every input held, and interpolated, between samples; say which fits better."),
     ] = False,
     identify: Annotated[
-        bool, typer.Option("--identify", help="What the records can determine also of models with events, dry friction or backlash.")
+        bool, typer.Option("--identify", help="Say what the records can determine also for models with events, dry friction or backlash.")
     ] = False,
     json: Json = False,
 ) -> None:

@@ -10,24 +10,25 @@ from plantfit.study.store.addresses import STORE
 
 def excite(
     kind: Annotated[str, typer.Argument(help="prbs, multisine, chirp, staircase or sine-square.")],
-    amplitude: Annotated[str, typer.Option("--amplitude", help="Peak, as in 6V; its unit is that of the signal.")],
+    amplitude: Annotated[str, typer.Option("--amplitude", help="Largest value, as in 6V; its unit is the unit of the signal.")],
     rate: Annotated[str, typer.Option("--rate", help="Values a second, as in 100Hz.")] = "100Hz",
-    duration: Annotated[str | None, typer.Option("--duration", help="As in 30s or 2min.")] = None,
+    duration: Annotated[str | None, typer.Option("--duration", help="Length of the signal, as in 30s or 2min.")] = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", help="prbs: where the sequence starts; multisine: random phases. 0 if left out.")
+        int | None,
+        typer.Option("--seed", help="prbs: selects where the sequence starts; multisine: selects the random phases. 0 if left out."),
     ] = None,
     order: Annotated[int | None, typer.Option("--order", help="prbs: the period is 2^order - 1 bits.")] = None,
-    hold: Annotated[int | None, typer.Option("--hold", help="prbs: values that a bit lasts.")] = None,
+    hold: Annotated[int | None, typer.Option("--hold", help="prbs: how many values each bit lasts.")] = None,
     period: Annotated[str | None, typer.Option("--period", help="multisine: its period, as in 10s.")] = None,
     periods: Annotated[int | None, typer.Option("--periods", help="multisine: how many periods.")] = None,
     phases: Annotated[str | None, typer.Option("--phases", help="multisine: crest (lowest peak), schroeder or random.")] = None,
-    odd: Annotated[bool | None, typer.Option("--odd", help="multisine: odd lines only.")] = None,
+    odd: Annotated[bool | None, typer.Option("--odd", help="multisine: use odd lines only.")] = None,
     low: Annotated[str | None, typer.Option("--low", help="multisine, chirp: lowest frequency.")] = None,
     high: Annotated[str | None, typer.Option("--high", help="multisine, chirp: highest frequency.")] = None,
     sweep: Annotated[str | None, typer.Option("--sweep", help="chirp: logarithmic or linear.")] = None,
     steps: Annotated[int | None, typer.Option("--steps", help="staircase: levels on one side of zero.")] = None,
     block: Annotated[str | None, typer.Option("--block", help="sine-square: length of a block of three parts.")] = None,
-    frequency: Annotated[str | None, typer.Option("--frequency", help="sine-square: of sine and square wave.")] = None,
+    frequency: Annotated[str | None, typer.Option("--frequency", help="sine-square: frequency of the sine and the square wave.")] = None,
     dead_zone: Annotated[
         str | None, typer.Option("--dead-zone", help="staircase, sine-square: voltage below which the motor stands.")
     ] = None,
@@ -36,7 +37,7 @@ def excite(
     duty: Annotated[float | None, typer.Option("--duty", help="Largest duty, 0 to 1, with --supply.")] = None,
     supply: Annotated[str | None, typer.Option("--supply", help="Voltage at a duty of 1.")] = None,
     slew: Annotated[str | None, typer.Option("--slew", help="Fastest change, as in 200V/s.")] = None,
-    clip: Annotated[bool, typer.Option("--clip", help="Clip what is beyond a limit in place of scaling all.")] = False,
+    clip: Annotated[bool, typer.Option("--clip", help="Clip values beyond a limit; without it the whole signal is scaled.")] = False,
     signal: Annotated[str, typer.Option("--signal", help="Name of the column.")] = "V",
     out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file to write; KIND.csv if left out.")] = None,
     header: Annotated[str | None, typer.Option("--header", help="Also write a C header to this file.")] = None,
@@ -63,15 +64,18 @@ def record(
     excitation: Annotated[str | None, typer.Option("--excitation", "-e", help="A CSV of `plantfit excite` to play.")] = None,
     controller: Annotated[
         str | None,
-        typer.Option("--controller", help="NAME-tune.json of `plantfit tune`, to drive the board; --excitation are its set points then."),
+        typer.Option(
+            "--controller",
+            help="NAME-tune.json of `plantfit tune`: its controller drives the board, and --excitation holds the set points.",
+        ),
     ] = None,
     out: Annotated[str, typer.Option("--out", "-o", help="CSV file to write.")] = "run.csv",
     duration: Annotated[
         str | None, typer.Option("--duration", help="Stop after this, as in 30s; else after the excitation or Ctrl-C.")
     ] = None,
     rate: Annotated[str | None, typer.Option("--rate", help="Samples a second; the board's fastest if left out.")] = None,
-    baud: Annotated[int, typer.Option("--baud", help="Rate of the serial line; that of the firmware.")] = 1_000_000,
-    reconnect: Annotated[str, typer.Option("--reconnect", help="How long to try to open a port again that went away.")] = "30s",
+    baud: Annotated[int, typer.Option("--baud", help="Rate of the serial line; it must be that of the firmware.")] = 1_000_000,
+    reconnect: Annotated[str, typer.Option("--reconnect", help="How long to try to open the port again after it was lost.")] = "30s",
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing recording.")] = False,
     json: Json = False,
 ) -> None:
@@ -84,8 +88,10 @@ def record(
 def track(
     given: Given,
     recording: Annotated[str, typer.Option("--recording", "-r", help="The measurements, with the study's columns; - for standard input.")],
-    follow: Annotated[bool, typer.Option("--follow", help="The file grows: wait for more rows until Ctrl-C, or as --idle says.")] = False,
-    idle: Annotated[str | None, typer.Option("--idle", help="End when nothing has come for so long, as in 30s.")] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="The file still grows: wait for more rows until Ctrl-C, or until --idle ends it.")
+    ] = False,
+    idle: Annotated[str | None, typer.Option("--idle", help="End when no row has come for this long, as in 30s.")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file for states and parameters; standard output if left out.")] = None,
     every: Annotated[
         str | None, typer.Option("--every", help="Time between rows and looks, as in 5s; a fiftieth of the study's record if left out.")
@@ -94,11 +100,11 @@ def track(
         float, typer.Option("--false-alarm", help="Chance that a healthy plant ever raises an alarm, however long it runs.")
     ] = 0.01,
     like: Annotated[
-        str | None, typer.Option("--like", help="The recording of the study whose columns it has; the first if left out.")
+        str | None, typer.Option("--like", help="The recording of the study that has the same columns; the first if left out.")
     ] = None,
     store: StorePlace = STORE,
     workers: FitWorkers = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite --out if it is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file of --out if it exists.")] = False,
     json: Json = False,
 ) -> None:
     """Track states and parameters over new measurements, and raise an alarm when the plant leaves what the study knows of it."""
@@ -112,8 +118,12 @@ def rig(
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A constant, noise or setting, as in l1=0.25 or l1=25cm (repeat); see --list.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Noise, phases and errors of instruments come from it; same seed, same bits.")] = 1,
-    duration: Annotated[str | None, typer.Option("--duration", help="As in 30s or 2min; the rig's own if left out.")] = None,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Seed of noise, phases and errors of instruments; the same seed gives the same bits.")
+    ] = 1,
+    duration: Annotated[
+        str | None, typer.Option("--duration", help="Length of the record, as in 30s or 2min; the rig's own if left out.")
+    ] = None,
     period: Annotated[str | None, typer.Option("--period", help="Time between samples, as in 2ms; the rig's own if left out.")] = None,
     excitation: Annotated[
         str | None, typer.Option("--excitation", "-e", help="Values one after another (3V,-3V or 20%,60%), or a CSV file with the input.")
@@ -121,10 +131,10 @@ def rig(
     controller: Annotated[
         str | None,
         typer.Option(
-            "--controller", help="NAME-tune.json of `plantfit tune`: its PID drives the rig; --excitation are its set points then."
+            "--controller", help="NAME-tune.json of `plantfit tune`: its controller drives the rig, and --excitation holds the set points."
         ),
     ] = None,
-    without: Annotated[list[str] | None, typer.Option("--without", help="A channel that the record is to lack, as in i (repeat).")] = None,
+    without: Annotated[list[str] | None, typer.Option("--without", help="A channel to leave out of the record, as in i (repeat).")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="CSV file to write; NAME.csv if left out.")] = None,
     study: Annotated[bool, typer.Option("--study", help="Also write a study file for the record, RECORD.toml.")] = False,
     exact: Annotated[bool, typer.Option("--exact", help="Also write the signals without the sensors' faults, RECORD.exact.csv.")] = False,

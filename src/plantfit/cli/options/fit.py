@@ -70,9 +70,9 @@ def predict(
     study: OtherStudy = None,
     recording: Annotated[str | None, typer.Option("--recording", help="Which recording of the study file; the first if left out.")] = None,
     bands: Annotated[
-        bool, typer.Option("--bands", help="Also where plant and readings lie for all parameters that the data allow.")
+        bool, typer.Option("--bands", help="Also give bands of the plant and of readings, over all parameters that the data allow.")
     ] = False,
-    level: Annotated[str, typer.Option("--level", help="Of the bands, as in 95%.")] = "95%",
+    level: Annotated[str, typer.Option("--level", help="Confidence level of the bands, as in 95%.")] = "95%",
     store: StorePlace = STORE,
     json: Json = False,
 ) -> None:

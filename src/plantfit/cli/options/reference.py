@@ -22,8 +22,10 @@ def models(name: Annotated[str | None, typer.Argument(help="Show one model in fu
 
 
 def schema(
-    findings: Annotated[bool, typer.Option("--findings", help="That of the findings, which `plantfit run --json` prints.")] = False,
-    of: Annotated[str | None, typer.Option("--of", help="That of what another command prints with --json, as in compare-records.")] = None,
+    findings: Annotated[bool, typer.Option("--findings", help="The schema of the findings, which `plantfit run --json` prints.")] = False,
+    of: Annotated[
+        str | None, typer.Option("--of", help="The schema of what another command prints with --json, as in compare-records.")
+    ] = None,
 ) -> None:
     """Print the JSON schema of study files, by which editors complete and check keys."""
     from plantfit.cli.terminal.out import print_json
@@ -46,14 +48,14 @@ def tune_search(
     method: Annotated[str, typer.Option("--method", "-m", help="The method whose settings are tuned; see `plantfit methods`.")],
     outer: Annotated[str, typer.Option("--outer", help="The method that searches the settings.")] = "pso",
     budget: Annotated[int | None, typer.Option("--budget", help="Evaluations of a run; that of the study file if left out.")] = None,
-    runs: Annotated[int, typer.Option("--runs", help="Seeds on which settings race.")] = 20,
-    trials: Annotated[int, typer.Option("--trials", help="Settings to try, the default among them.")] = 60,
-    seed: Annotated[int, typer.Option("--seed", help="Same seed, same answer.")] = 1,
+    runs: Annotated[int, typer.Option("--runs", help="How many seeds the settings are compared on.")] = 20,
+    trials: Annotated[int, typer.Option("--trials", help="How many settings to try; the default is one of them.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the tuning; the same seed gives the same answer.")] = 1,
     only: Annotated[str | None, typer.Option("--only", help="Settings to tune, as in inertia,social; all if left out.")] = None,
     ranges: Annotated[
         list[str] | None, typer.Option("--range", help="Narrow a setting: inertia=0.4:0.9, or topology=global,ring (repeat).")
     ] = None,
-    hold: Annotated[list[str] | None, typer.Option("--hold", help="A setting that is not tuned: population=50 (repeat).")] = None,
+    hold: Annotated[list[str] | None, typer.Option("--hold", help="A setting to hold at a value: population=50 (repeat).")] = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Also write the settings block to this TOML file.")] = None,
     json: Json = False,
 ) -> None:

@@ -23,7 +23,9 @@ def export_study(
 
 def import_(
     files: Annotated[list[str], typer.Argument(help="Files that `plantfit export-study` wrote.")],
-    spec: Annotated[str | None, typer.Option("--spec", help="Where the study file lies here, to find the recordings beside it.")] = None,
+    spec: Annotated[
+        str | None, typer.Option("--spec", help="Place of the study file on this machine; its recordings are looked for beside it.")
+    ] = None,
     store: StorePlace = STORE,
     json: Json = False,
 ) -> None:

@@ -14,10 +14,10 @@ def diagnose(
     try_: Annotated[
         list[str] | None,
         typer.Option(
-            "--try", help='Try only this and write it, as in --try "dead time of u" (repeat); any other word lists what there is.'
+            "--try", help='Try only this and write it, as in --try "dead time of u" (repeat); an unknown word lists all that can be tried.'
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
     json: Json = False,
 ) -> None:
     """Fit a study, try what may be missing in its model, say what each explains, and write the study file with what is missing."""
@@ -37,7 +37,7 @@ def compare(
     out: Annotated[str, typer.Option("--out", "-o", help="Where the HTML comparison goes.")] = "compare.html",
     models: Annotated[
         bool | None,
-        typer.Option("--models/--methods", help="What stored studies are compared by; decided by what is given if left out."),
+        typer.Option("--models/--methods", help="What stored studies are compared by; if left out, what is given decides."),
     ] = None,
     linear: Annotated[
         bool, typer.Option("--linear/--no-linear", help="Models: also fit the best linear model without physics, as a baseline.")
@@ -45,7 +45,7 @@ def compare(
     workers: Workers = None,
     latex: Annotated[str | None, typer.Option("--latex", help="Also write a table for papers (booktabs) to this file.")] = None,
     csv: Annotated[str | None, typer.Option("--csv", help="Also write the table to this CSV file.")] = None,
-    target: Annotated[list[float] | None, typer.Option("--target", help="A cost worth reaching (repeat).")] = None,
+    target: Annotated[list[float] | None, typer.Option("--target", help="A cost that counts as reached (repeat).")] = None,
     floor: Annotated[float | None, typer.Option("--floor", help="The cost that noise alone leaves, if known.")] = None,
     optimum: Annotated[float | None, typer.Option("--optimum", help="The lowest cost there can be, if known.")] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
@@ -77,18 +77,18 @@ def compare_records(
 def intervals(
     given: Given,
     kinds: Annotated[
-        str, typer.Option("--kinds", help="Which, with commas: covariance, profile, bootstrap, posterior.")
+        str, typer.Option("--kinds", help="Kinds of interval, with commas between: covariance, profile, bootstrap, posterior.")
     ] = "covariance,profile,bootstrap",
-    posterior: Annotated[bool, typer.Option("--posterior", help="The posterior too, by NUTS; needs plantfit[posterior].")] = False,
-    only: Annotated[str | None, typer.Option("--only", help="These parameters, as in tau,K; all if left out.")] = None,
-    level: Annotated[str, typer.Option("--level", help="As in 95% or 0.95.")] = "95%",
-    replicates: Annotated[int, typer.Option("--replicates", help="Refits of the bootstrap.")] = 400,
-    chains: Annotated[int, typer.Option("--chains", help="Chains of the posterior.")] = 4,
-    draws: Annotated[int, typer.Option("--draws", help="Draws of each chain.")] = 1000,
+    posterior: Annotated[bool, typer.Option("--posterior", help="Also draw the posterior, by NUTS; needs plantfit[posterior].")] = False,
+    only: Annotated[str | None, typer.Option("--only", help="Only these parameters, as in tau,K; all if left out.")] = None,
+    level: Annotated[str, typer.Option("--level", help="Confidence level, as in 95% or 0.95.")] = "95%",
+    replicates: Annotated[int, typer.Option("--replicates", help="Number of refits of the bootstrap.")] = 400,
+    chains: Annotated[int, typer.Option("--chains", help="Number of chains of the posterior.")] = 4,
+    draws: Annotated[int, typer.Option("--draws", help="Number of draws of each chain.")] = 1000,
     prior: Annotated[
-        list[str] | None, typer.Option("--prior", help="Known beforehand, for the posterior: 'tau=138 +- 5 s' (repeat).")
+        list[str] | None, typer.Option("--prior", help="Prior knowledge, for the posterior: 'tau=138 +- 5 s' (repeat).")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Same seed, same numbers.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the draws; the same seed gives the same numbers.")] = 1,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-intervals.html if left out.")] = None,
     save_draws: Annotated[str | None, typer.Option("--save-draws", help="Also write the posterior's draws, as netCDF.")] = None,
     store: StorePlace = STORE,
@@ -109,7 +109,7 @@ def estimate(
         typer.Option("--method", help="maximum likelihood, ekf, ukf or kalman (repeat); those of the [estimate] table if left out."),
     ] = None,
     store: StorePlace = STORE,
-    out: Annotated[str | None, typer.Option("--out", "-o", help="Also write an HTML page with how each constant settles.")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", help="Also write an HTML page that shows how each constant settles.")] = None,
     workers: Workers = None,
     json: Json = False,
 ) -> None:
@@ -127,15 +127,17 @@ def sensitivity(
     radius: Annotated[
         float | None, typer.Option("--radius", help="How far from the point, as a share of the bounds; 0.01 for morris, the box for sobol.")
     ] = None,
-    box: Annotated[bool, typer.Option("--box", help="Look at the whole box, around no point.")] = False,
+    box: Annotated[bool, typer.Option("--box", help="Look at the whole box, and not around a point.")] = False,
     groups: Annotated[
         list[str] | None,
-        typer.Option("--group", help="Parameters that move together, NAME=k,tau (repeat); others rest. Each alone if left out."),
+        typer.Option("--group", help="Parameters that move together, NAME=k,tau (repeat); the others stay. Each alone if left out."),
     ] = None,
-    trajectories: Annotated[int, typer.Option("--trajectories", help="morris: trajectories that are walked.")] = 20,
-    samples: Annotated[int, typer.Option("--samples", help="sobol: a power of two; times (groups + 2) evaluations.")] = 1024,
-    confidence: Annotated[float, typer.Option("--confidence", help="Of the bootstrap intervals.")] = 0.95,
-    seed: Annotated[int, typer.Option("--seed", help="Same seed, same points.")] = 1,
+    trajectories: Annotated[int, typer.Option("--trajectories", help="morris: number of trajectories.")] = 20,
+    samples: Annotated[
+        int, typer.Option("--samples", help="sobol: number of samples, a power of two; the evaluations are this number times (groups + 2).")
+    ] = 1024,
+    confidence: Annotated[float, typer.Option("--confidence", help="Confidence level of the bootstrap intervals.")] = 0.95,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the points; the same seed gives the same points.")] = 1,
     values: Annotated[list[str] | None, typer.Option("--set", help="A parameter of the point, as NAME=VALUE in its unit (repeat).")] = None,
     study: OtherStudy = None,
     page: Annotated[str | None, typer.Option("--out", "-o", help="Also write a page with the table and a figure.")] = None,
@@ -152,7 +154,7 @@ def sensitivity(
 def combine(
     study: StudyId = None,
     out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME-combined.toml if left out.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
     store: StorePlace = STORE,
     json: Json = False,
 ) -> None:

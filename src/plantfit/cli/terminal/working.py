@@ -43,7 +43,9 @@ def worker_count(workers: str | None, scheduler: str | None) -> int | None:
     from plantfit.study.running.cores import sensible_workers
 
     if scheduler not in (None, "local") and workers is not None:
-        raise SearchError("The workers of a scheduler are started beside it; leave --workers out, or use --scheduler local.")
+        raise SearchError(
+            "--workers cannot be used with a scheduler, which has its own workers; leave --workers out, or use --scheduler local."
+        )
     if workers is None:
         return None
     if workers == "auto":
@@ -80,7 +82,7 @@ def _farewell(opened: Any, numbers: Sequence[int]) -> str:
     from plantfit.study.store.addresses import store_option
 
     if not numbers:
-        return "Stopped at once, before anything was begun."
+        return "Stopped at once, before any work began."
     where = store_option(opened.name)
     return f"Stopped at once; go on from the last checkpoint with `plantfit resume {' '.join(map(str, numbers))}{where}`."
 

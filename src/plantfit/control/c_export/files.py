@@ -56,7 +56,7 @@ def write_c(folder: str | os.PathLike[str], name: str, told: Iterable[str], decl
     files = CFiles(Path(folder) / f"{name}.h", Path(folder) / f"{name}.c")
     foreign = next((f for f in files if not may_be_written(f)), None)
     if foreign is not None:
-        raise SimulationError(f"{str(foreign)!r} is there and was not written by plantfit; move it, or choose another folder or name.")
+        raise SimulationError(f"{str(foreign)!r} exists and was not written by plantfit; move it, or choose another folder or name.")
     try:
         files.header.write_text(header, "utf-8")
         files.source.write_text(f'/* See {name}.h. Made by plantfit. */\n#include "{name}.h"\n\n{defined}', "utf-8")

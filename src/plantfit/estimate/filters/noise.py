@@ -41,7 +41,7 @@ class Noise:
         ):
             wrong = [n for n in levels if n not in names]
             if wrong:
-                raise SpaceError(f"Noise names {wrong[0]!r} under {kind}, but model {model.name!r} has there {list(names)}.")
+                raise SpaceError(f"The noise names {wrong[0]!r} under {kind}; model {model.name!r} has {list(names)} there.")
         missing = [n for n in model.outputs if n not in self.measurement]
         if missing:
             raise SpaceError(f"Noise has no measurement level of output {missing[0]!r}; give its standard deviation.")
@@ -59,7 +59,7 @@ class Noise:
             elif seen is not None:
                 result.append(10.0 * float(seen[1] if isinstance(seen, tuple) else seen))
             else:
-                raise SpaceError(f"State {name!r} is not measured itself; give its standard deviation at the first sample under initial.")
+                raise SpaceError(f"State {name!r} is not measured; give its standard deviation at the first sample under initial.")
         return result
 
 

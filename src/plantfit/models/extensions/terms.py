@@ -176,7 +176,7 @@ def _place(model: LinearModel, kind: str, text: str) -> Place:
     try:
         place = Place.of(text)
     except ValueError:
-        raise ModelError(f"{where}, whose scale is no number; write it as in {example!r}.") from None
+        raise ModelError(f"{where}, whose scale is not a number; write it as in {example!r}.") from None
     if bool(place.signal) != (term.of != "output") or (place.scale is not None) != term.scaled or (place.scale or 1.0) <= 0:
         raise ModelError(f"{where}; write it as in {example!r}.")
     if place.subject not in subjects:

@@ -44,7 +44,7 @@ def factory(name: str) -> Factory:
         raise ModelError(f"There is no model {name!r}.{suggest(name, known)} Known are {', '.join(known)}, or write your own equations.")
     function = brought[name].load(ModelError)
     if not callable(function):
-        raise ModelError(f"{name!r} of the package {brought[name].package} is no function that makes a model; see docs/plug-ins.md.")
+        raise ModelError(f"{name!r} of the package {brought[name].package} is not a function that makes a model; see docs/plug-ins.md.")
     return cast(Factory, function)
 
 

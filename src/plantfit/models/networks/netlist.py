@@ -116,10 +116,15 @@ def read(text: str, source: str = "the network") -> Netlist:
                              "give it another name, or join both by a motor or a wheel", words[2 + k])  # fmt: skip
         parts[placed.name] = placed
     if not parts:
-        raise EquationError(f"{source}: there is no part; write lines as in: R1 resistor a b.")
+        raise EquationError(f"{source}: the list has no parts; write lines such as: R1 resistor a b.")
     both = next((p for p in parts.values() if p.name in domains), None)
     if both is not None:
-        raise _wrong(source, text, f"{both.name!r} is a part and a node; give one of them another name", _at(text, both.line, both.name))
+        raise _wrong(
+            source,
+            text,
+            f"{both.name!r} is the name of a part and of a node; give one of them another name",
+            _at(text, both.line, both.name),
+        )
     netlist = Netlist(source, text, parts, (), domains)
     measured = tuple(m for words in waiting if words[0].text == "measure" for m in _measured(netlist, words))
     if not measured:
@@ -225,12 +230,12 @@ def _size(source: str, text: str, placed: Placed, tail: str, place: Word, usage:
     """The value or the bounds that stand behind the nodes, in the unit of the part."""
     part, unit = placed.part, placed.unit
     if part.given == "input":
-        raise _wrong(source, text, f"{placed.name} is an input, whose values stand in the recording; delete {tail!r}", place)
+        raise _wrong(source, text, f"{placed.name} is an input, and its values come from the recording; delete {tail!r}", place)
     found = _SIZE.fullmatch(tail)
     if found is None:
         if part.given == "gain" and tail.startswith("by"):
             raise _wrong(source, text, f"{tail!r} does not name an input; write for example: by u [%]", place)
-        more = "it has too many nodes, or this is no size" if tail.split()[0].isidentifier() else "this is no size"
+        more = "there are too many nodes, or this is not a value" if tail.split()[0].isidentifier() else "this is not a value"
         raise _wrong(source, text, f"{tail!r} behind the nodes of {placed.name}: {more}; {usage}, then nothing, a value or bounds as in "
                      f"{_example(part, unit)}", place)  # fmt: skip
     given = found["unit"].strip()
@@ -244,11 +249,11 @@ def _size(source: str, text: str, placed: Placed, tail: str, place: Word, usage:
             reason = f"a {part.kind} has its {part.what.partition(',')[0].partition(' (')[0]} in {unit}, and {given} does not fit"
         raise _wrong(source, text, f"{reason}; write for example: {_example(part, unit)}", place) from None
     if not all(map(math.isfinite, numbers)) or (part.scale == "log" and min(numbers) <= 0):
-        raise _wrong(source, text, f"{tail} cannot be: the {part.what} of a {part.kind} is above 0 and finite", place)
+        raise _wrong(source, text, f"{tail} cannot be used: the {part.what} of a {part.kind} must be finite and above 0", place)
     if len(numbers) == 1:
         return numbers[0], None
     if numbers[0] >= numbers[1]:
-        raise _wrong(source, text, f"the bounds {tail} go down; write the lower one first", place)
+        raise _wrong(source, text, f"the bounds {tail} are reversed; write the lower one first", place)
     return None, (numbers[0], numbers[1])
 
 

@@ -85,7 +85,7 @@ def _table(where: str, kind: str, given: Any) -> dict[str, Any]:
         return dict(given)
     if isinstance(given, Iterable) and not isinstance(given, str):
         return {(entry.name if isinstance(entry, Declared) else entry): (entry if isinstance(entry, Declared) else None) for entry in given}
-    raise ModelError(f"{where}: {kind} are {given!r}; write a table of names and units, as in {{'u': 'V'}}.")
+    raise ModelError(f"{where}: {kind} are {given!r}; write a table of names and units, with an entry such as u = 'V'.")
 
 
 def _check_names(where: str, tables: Mapping[str, Mapping[str, Any]]) -> None:
@@ -134,7 +134,7 @@ def _parameter(where: str, name: str, value: Any) -> Declared:
     if value is None or isinstance(value, str):
         return Declared(name, unit=value)
     if not isinstance(value, Mapping):
-        raise ModelError(f"{where}: parameter {name!r} is {value!r}; write a table such as {{'unit': 'V', 'bounds': (0, 1)}}.")
+        raise ModelError(f"{where}: parameter {name!r} is {value!r}; write a table with entries such as unit = 'V' and bounds = [0, 1].")
     _check_keys(where, "parameter", name, value, _PARAMETER_KEYS)
     return _checked(where, Declared(name, **value))
 

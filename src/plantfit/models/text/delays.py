@@ -33,7 +33,8 @@ class DelayTable:
         delayed, time = node.args
         known = [*self.declared.inputs, *self.declared.states]
         if delayed.op != "name" or delayed.name not in known:
-            message = f"delay() takes the name of an input or a state first; they are {known}.{suggest(delayed.name, known)}"
+            message = f"The first argument of delay() is the name of an input or a state, one of {', '.join(known)}."
+            message += suggest(delayed.name, known)
             raise EquationError(message, self.text, *delayed.start)
         parameter = self._parameter(delayed.name, time)
         channel = f"delay({delayed.name}, {parameter})"
@@ -63,7 +64,11 @@ class DelayTable:
             self.times.append(time)
             return self._fixed(delayed, self.declared.constants[time.name].value, time)
         known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
-        message = f"delay() takes a parameter, a constant or a number of seconds second; known are {known}.{suggest(time.name, known)}"
+        given = f"{time.name!r} is none of them" if time.op == "name" else "this is none of them"
+        message = (
+            f"The second argument of delay() is a parameter, a constant or a number of seconds, and {given}.{suggest(time.name, known)} "
+            f"Known are {', '.join(known) or 'none'}."
+        )
         raise EquationError(message, self.text, *time.start)
 
     def _fixed(self, delayed: str, seconds: float, time: Node) -> str:

@@ -178,7 +178,7 @@ class _Builder:
         d = self.declared
         where = f"Model {d.model!r}"
         if not d.outputs:
-            raise ModelError(f"{where} has no outputs; declare what is measured, as in outputs = {{'y': 'V'}}.")
+            raise ModelError(f"{where} has no outputs; declare what is measured in outputs, as in y = 'V'.")
         for state in d.states:
             if state not in self.derivatives:
                 raise ModelError(f"{where}: state {state!r} has no derivative; add the equation {state}' = ...")

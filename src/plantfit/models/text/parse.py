@@ -3,6 +3,7 @@
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -89,7 +90,7 @@ def parse_expression(text: str, tables: Tables) -> Node:
     """Read one expression, as in the initial value of a state. Raises EquationError with line and column."""
     sources = scan(text)
     if len(sources) != 1:
-        raise EquationError(f"Here must stand one expression, but there are {len(sources)} in {text!r}.", text)
+        raise EquationError(f"One expression is needed here, but {text!r} has {len(sources)}; write one.", text)
     refuse_quotes(sources[0], text)
     return _Reader(sources[0], text, tables).read()
 
@@ -125,8 +126,16 @@ class _Reader:
             return self._fail("A number here has too many digits; write it with an exponent, as in 1.5e300.", self.source.place(0))
         offset = error.offset or 0  # 0, or a second line, when the text ended too early
         k = len(self.line) if offset == 0 or (error.lineno or 1) > 1 else min(offset - 1, len(self.line))
-        what = "ends too early" if k == len(self.line) else "cannot be read here"
-        return self._fail(f"The expression {what} ({error.msg}); check what stands here and just before it.", self.source.place(k))
+        if k == len(self.line):
+            return self._fail("The expression ends too early; write what is missing, or delete the last operator.", self.source.place(k))
+        here, before = self.line[k], self.line[:k].rstrip()[-1:]
+        if error.msg.startswith("invalid character"):
+            message = f"The character {here!r} cannot be read in equations; delete it, and write powers as x^2."
+        elif "forgot a comma" in error.msg or "decimal literal" in error.msg or (re.match(r"[\w(]", here) and re.match(r"[\w)]", before)):
+            message = "An operator is missing here; write * to multiply, or a comma between the arguments of a function."
+        else:
+            message = f"The expression cannot be read here ({error.msg}); correct this place, or what is just before it."
+        return self._fail(message, self.source.place(k))
 
     def _check_depth(self, tree: ast.expr) -> None:
         waiting = [(tree, 1)]
@@ -177,6 +186,9 @@ class _Reader:
 
     def _refuse(self, node: ast.expr) -> EquationError:
         what, symbol = _REFUSED.get(type(node), ("This", ""))
+        decimal = re.search(r"\d,\d", self.line) if isinstance(node, ast.Tuple) else None
+        if decimal is not None:
+            return self._fail("A comma cannot stand here; write decimals with a point, as in 2.5.", self.source.place(decimal.start() + 1))
         match node:
             case ast.Attribute() | ast.Subscript():
                 inner = node.value
@@ -190,7 +202,7 @@ class _Reader:
     def _number(self, node: ast.Constant) -> Node:
         place = self._start(node)
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise self._fail(f"{node.value!r} is not allowed in equations; write a real number.", place)
+            raise self._fail(f"{node.value!r} is not allowed in equations; write a real number in its place.", place)
         try:
             value = float(node.value)
         except OverflowError:
@@ -223,7 +235,10 @@ class _Reader:
             raise self._fail(f"The operator {symbol} is not allowed in equations; use + - * / ^.", self._between(node.left, symbol))
         symbol = _BINARY[kind]
         place = self._between(node.left, symbol)
-        return self._folded(Node(symbol, place, self._start(node), (self._node(node.left), self._node(node.right))))
+        left, right = self._node(node.left), self._node(node.right)
+        if symbol == "/" and right.op == "number" and right.number == 0:
+            raise self._fail("This divides by 0; write a divisor that is not 0.", place)
+        return self._folded(Node(symbol, place, self._start(node), (left, right)))
 
     def _folded(self, node: Node) -> Node:
         """Arithmetic of numbers becomes one number; in float64, so that 9^9^9 ends as an error and not as a long wait."""
@@ -257,20 +272,20 @@ class _Reader:
             return self._table(node, self.tables[name], place)
         known = {*CALLS, *self.tables, *SPECIAL}
         if name in CROSSINGS:
-            raise self._fail(f"{name}() stands only after 'when'; write when {name}(x): v = -c*v.", place)
+            raise self._fail(f"{name}() is allowed only after 'when'; write when {name}(x): v = -c*v.", place)
         if name not in known:
             some = ", ".join(n for n in ("sin", "exp", "sqrt", "tanh", "min", "where", "delay", "friction") if n in known)
             hint = suggest(name, known) or f" There are {some} and {len(known) - 8} more (docs/models.md); a table must be declared."
             raise self._fail(f"The function {name!r} is not known.{hint}", place)
         if node.keywords:
-            raise self._fail(f"Arguments have no names here; write {FUNCTIONS[name].usage}.", place)
+            raise self._fail(f"Arguments are given without names here; write {FUNCTIONS[name].usage}.", place)
         self._check_count(name, len(node.args), place)
         return Node(name, place, place, tuple(self._node(a) for a in node.args))
 
     def _table(self, node: ast.Call, table: Table, place: Place) -> Node:
         usage = f"{table.name}({', '.join(table.over)})"
         if node.keywords:
-            raise self._fail(f"Arguments have no names here; write {usage}.", place)
+            raise self._fail(f"Arguments are given without names here; write {usage}.", place)
         if len(node.args) != len(table.over):
             raise self._fail(f"The table {table.name!r} takes {len(table.over)} arguments, not {len(node.args)}; write {usage}.", place)
         return Node("table", place, place, tuple(self._node(a) for a in node.args), name=table.name, table=table)

@@ -84,16 +84,23 @@ def split(statement: Source, text: str) -> RawStatement:
     """Find the target and the right-hand side of a statement."""
     equals = _assignment(statement.text)
     if equals is None:
+        double = statement.text.find("==")
+        if double >= 0:
+            raise EquationError("'==' compares two values; write one '=' to give a value.", text, *statement.place(double))
         raise EquationError("There is no '=' here; write name = expression, or name' = expression for a state.", text, *statement.place(0))
     left = statement.text[:equals]
     match = _TARGET.fullmatch(left)
     if match is None:
-        raise EquationError(
-            f"Left of '=' stands {left.strip()!r}; write a single name, or name' for the derivative of a state.", text, *statement.place(0)
-        )
+        what = f"{left.strip()!r} cannot stand left of '='; write"
+        second = re.fullmatch(r"\s*(\w+)\s*''+\s*", left)
+        if second is not None:
+            name = second[1]
+            message = f"{what} a second derivative with one more state, as in {name}' = v and v' = ..."
+            raise EquationError(message, text, *statement.place(0))
+        raise EquationError(f"{what} a single name, or name' for the derivative of a state.", text, *statement.place(0))
     right = statement.part(equals + 1).stripped()
     if not right.characters:
-        raise EquationError("Nothing stands right of '='; write an expression.", text, *statement.place(equals))
+        raise EquationError("There is nothing right of '='; write an expression.", text, *statement.place(equals))
     refuse_quotes(right, text)
     return RawStatement(match["name"], bool(match["prime"]), statement.place(match.start("name")), right)
 

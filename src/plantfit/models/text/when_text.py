@@ -34,16 +34,18 @@ def split_when(source: Source, text: str) -> RawWhen:
     head = _HEAD.match(line)
     if head is None or head["kind"] not in CROSSINGS:
         after = re.match(r"when\s*", line)
-        raise EquationError(f"After 'when' must stand what passes zero; {_FORM}.", text, *source.place(after.end() if after else 0))
+        raise EquationError(
+            f"After 'when' an event is needed, such as falling(x); {_FORM}.", text, *source.place(after.end() if after else 0)
+        )
     closed = _closing(line, head.start("opened"))
     condition = source.part(head.end(), closed).stripped()
     if not condition.characters:
-        raise EquationError(f"Nothing stands in {head['kind']}(); {_FORM}.", text, *source.place(head.end()))
+        raise EquationError(f"There is nothing in {head['kind']}(); {_FORM}.", text, *source.place(head.end()))
     refuse_quotes(condition, text)
     rest = line[closed + 1 :]
     colon = closed + 1 + len(rest) - len(rest.lstrip())
     if line[colon : colon + 1] != ":":
-        raise EquationError(f"After {head['kind']}(...) must stand ':' and what jumps; {_FORM}.", text, *source.place(colon))
+        raise EquationError(f"After {head['kind']}(...) a ':' and a state that jumps are needed; {_FORM}.", text, *source.place(colon))
     resets = tuple(_reset(part, text, source.place(colon)) for part in _between_commas(source.part(colon + 1)))
     return RawWhen(head["kind"], source.place(head.start("kind")), condition, resets)
 

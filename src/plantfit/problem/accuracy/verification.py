@@ -196,7 +196,7 @@ def point(problem: Problem, named: dict[str, float]) -> np.ndarray:
         for i in places:
             c = space.coordinates[i]
             if not c.lower <= value <= c.upper:
-                raise SpaceError(f"{c.name} = {value:g} is outside its bounds [{c.lower:g}, {c.upper:g}].")
+                raise SpaceError(f"{c.name} = {value:g} is outside its bounds [{c.lower:g}, {c.upper:g}]; give a value inside.")
             whole = np.array(space.physical(z))
             whole[i] = value
             z[i] = space.cube(whole)[i]

@@ -41,7 +41,7 @@ class Experiment:
         if self.initial_time is None:
             return
         if self.steady:
-            raise RecordingError(f"Recording {self.recording.name!r} is steady, where time means nothing; leave initial_time out.")
+            raise RecordingError(f"Recording {self.recording.name!r} is steady, so time has no meaning in it; leave initial_time out.")
         if not self.initial_time <= self.recording.t[0]:
             raise RecordingError(
                 f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first sample at "
@@ -125,11 +125,14 @@ def before_in_units(recording: Recording, before: Mapping[str, float | str], wan
     for name, value in before.items():
         unit, where = wanted.get(name), f"Recording {recording.name!r}: before gives {name!r} as {value!r}"
         if isinstance(value, str):
-            number, own = units.quantity(value)
+            try:
+                number, own = units.quantity(value)
+            except UnitError as error:
+                raise UnitError(f"{where}: {error}") from None
             if unit is None:
                 raise UnitError(f"{where}, but the model has no unit for it; give a number.")
             if not units.compatible(own, unit):
-                raise UnitError(f"{where}, which cannot be turned into the model's {unit!r}; give it in a unit of that kind.")
+                raise UnitError(f"{where}, which cannot be converted to the model's {unit!r}; give it in a unit of that kind.")
             found[name] = units.convert(number, own, unit)
             continue
         have = recording.signals[name].unit if name in recording.signals else None
@@ -166,7 +169,7 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             continue
         if not units.compatible(have, unit):
             raise UnitError(
-                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be turned into the "
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be converted to the "
                 f"model's {unit!r}; correct one of them."
             )
         factor, offset = units.factor_offset(have, unit)

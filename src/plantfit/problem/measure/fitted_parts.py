@@ -15,6 +15,12 @@ from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSour
 from plantfit.problem.predictor import Predictor
 
 
+def _held(name: str, experiment: Experiment) -> str:
+    """How long a recording lasts and how much of it is fitted."""
+    t, count = experiment.recording.t, int(np.sum(experiment.mask("fit")))
+    return f"recording {name!r} lasts from {t[0]:g} to {t[-1]:g} s, and {count} of its {len(t)} samples are in the fitted part"
+
+
 @dataclass(frozen=True, eq=False)
 class FittedParts:
     """`whole` recordings and the `drives` of their fitted parts as the predictor takes them, by recording; places (k,) of the scored
@@ -49,11 +55,16 @@ class FittedParts:
                 index[name, output], measured[name, output] = own, y[own]
         found = cls(outputs, whole, drives, index, measured)
         if sum(found.counts.values()) == 0:
-            raise RecordingError("No measured sample is left to fit; check the fit interval and the missing values of the outputs.")
+            told = "; ".join(_held(n, e) for n, e in experiments.items())
+            raise RecordingError(
+                f"No measured sample of {' or '.join(map(repr, outputs))} is left to fit ({told}); check the fit interval, skip, and the "
+                "missing values of the outputs."
+            )
         for output in outputs:
             if not any(map(len, found.of_output(output))):
                 raise RecordingError(
-                    f"Output {output!r} has no measured sample inside the fitted part; remove it from the model or widen the part."
+                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the output "
+                    "from the model."
                 )
         return found
 

@@ -80,7 +80,10 @@ def _longest_stretch(recording: Recording, signal: str, step: str) -> slice:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).reshape(-1, 2)
     start, stop = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
     if stop - start < _LEAST:
-        raise RecordingError(f"{step}: the longest stretch without missing samples has {stop - start}; a rule needs {_LEAST}. Fill gaps.")
+        raise RecordingError(
+            f"{step}: the longest stretch without missing samples has {stop - start} samples, and a rule needs "
+            f"{_LEAST}; fill the gaps first, or give cutoff in Hz."
+        )
     return slice(start, stop)
 
 

@@ -17,7 +17,7 @@ def levels(recording: Recording, signal: str) -> list[Recording]:
     moved = np.flatnonzero(np.diff(values) != 0) + 1
     if not 0 < len(moved) <= len(values) / 10:
         said = "never moves" if not len(moved) else f"moves at {len(moved)} of {len(values)} samples"
-        raise RecordingError(f"levels: signal {signal!r} of recording {recording.name!r} {said}; give an input that was moved in steps.")
+        raise RecordingError(f"levels: signal {signal!r} of recording {recording.name!r} {said}; give an input that was changed in steps.")
     ends = [*(recording.t[moved - 1]), recording.t[-1]]
     starts = [recording.t[0], *recording.t[moved]]
     pieces = [cut(recording, start, stop) for start, stop in zip(starts, ends, strict=True)]

@@ -12,7 +12,7 @@ from plantfit.recording.record import Recording, Signal
 def period_of(recording: Recording) -> float:
     """The median step in seconds; raises RecordingError for fewer than two samples."""
     if len(recording) < 2:
-        raise RecordingError(f"Recording {recording.name!r} has one sample and therefore no period; use a longer recording.")
+        raise RecordingError(f"Recording {recording.name!r} has only one sample, so it has no sampling period; use a longer recording.")
     return float(np.median(np.diff(recording.t)))
 
 
@@ -24,7 +24,8 @@ def uniform_period(recording: Recording, step: str) -> float:
     if abs(steps[worst] - period) > 0.1 * period:
         raise RecordingError(
             f"Recording {recording.name!r}: {step} needs even steps, but after {recording.t[worst]:g} s the step is {steps[worst]:g} s "
-            f"instead of {period:g} s; call resample(recording, {period:g}) first or cut the recording there."
+            f"instead of {period:g} s; resample it first (step resample, period = {period:g}; in Python resample(recording, "
+            f"{period:g})), or cut it there."
         )
     return period
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.errors import ClockError, RecordingError, UnitError
 from plantfit.recording.readers.clock import guess_time, seconds
-from plantfit.recording.readers.columns import Column, Table, close_match, identifier
+from plantfit.recording.readers.columns import Column, Table, close_match, identifier, unknown_unit
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
 from plantfit.recording.record import Recording, Signal
@@ -49,11 +49,19 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
         log += said
         units[name] = column.unit
     units = _with_given_units(table, units, options.get("units") or {}, chosen)
+    log += [f"{brackets_told(c.header, unknown)}." for n, c in chosen.items() if units[n] is None and (unknown := unknown_unit(c.header))]
     count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
     signals = {name: Signal(array, units[name]) for name, array in values.items()}
     name = options.get("name") or table.source
     told = (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s.")
     return Recording(t, signals, name, told, time_column is not None)
+
+
+def brackets_told(header: str, unknown: str) -> str:
+    """What became of a header whose brackets hold no known unit."""
+    return (
+        f"{unknown!r} in the header {header!r} is not a known unit and counts as part of the name; correct it, or state the unit in units"
+    )
 
 
 def _check_options(table: Table, options: Options) -> None:
@@ -103,7 +111,9 @@ def _chosen(
         log += [f"Column {column.header!r} holds no numbers and was left out." for column in others if column not in numeric]
         log += [f"{name!r} was left out because {why}." for name, why in table.left_out.items()]
     if not chosen:
-        raise RecordingError(f"{table.source}: no column of numbers is left beside time; it has {[c.header for c in table.columns]}.")
+        raise RecordingError(
+            f"{table.source}: there is no column of numbers besides the time; the file has {[c.header for c in table.columns]}."
+        )
     return chosen, log
 
 
@@ -129,14 +139,17 @@ def _with_given_units(
     for name, unit in given.items():
         if name not in units:
             raise RecordingError(
-                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not one of the signals {list(units)}."
+                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not a signal; the signals are {list(units)}."
             )
-        parse(unit)
+        try:
+            parse(unit)
+        except UnitError as error:
+            raise UnitError(f"{table.source}: units gives {name!r} a unit that cannot be used: {error}") from None
         stated = units[name]
         if stated is not None and parse(stated) != parse(unit):
             raise UnitError(
-                f"{table.source}: column {chosen[name].header!r} says {stated!r} but units says {unit!r} for {name!r}; "
-                f"leave it out of units and convert with convert_units if you want {unit!r}."
+                f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units says {unit!r} for {name!r}; "
+                f"leave {name!r} out of units, or correct the header. A value in {stated!r} is converted to the unit of the model."
             )
         result[name] = unit
     return result
@@ -169,7 +182,7 @@ def _in_order(
     if duplicates is None:
         row = int(order[same[0] + 1])
         raise ClockError(
-            f"{table.where(row)}: time {t[same[0]]:.9g} s stands twice; give duplicates = 'mean', or 'first' to keep the first row.",
+            f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; give duplicates = 'mean', or 'first' to keep the first row.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])

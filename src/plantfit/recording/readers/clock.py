@@ -78,13 +78,11 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
     stated = column.unit or (suffix[1] if suffix else _BARE_UNITS.get(column.name.lower()))
     if stated is not None and not compatible(stated, "s"):
         if given is None:
-            raise UnitError(
-                f"Time column {column.header!r} has unit {stated!r}, which is no time; choose another column or give time_unit='s'."
-            )
+            raise UnitError(f"Time column {column.header!r} has the unit {stated!r}, which is not a unit of time; choose another column.")
         stated = None
     if given is not None:
         if not compatible(given, "s"):
-            raise UnitError(f"time_unit {given!r} is no unit of time; use 's', 'ms', 'us', 'min' or 'h'.")
+            raise UnitError(f"time_unit {given!r} is not a unit of time; use 's', 'ms', 'us', 'min' or 'h'.")
         if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
             raise UnitError(
                 f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header."
@@ -107,7 +105,10 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
             return _from_text(table, column, text, first)
     values, _ = numbers(table, column, "time")
     _no_gaps(table, column, np.isfinite(values))
-    unit, known_by = time_unit_of(column, time_unit)
+    try:
+        unit, known_by = time_unit_of(column, time_unit)
+    except UnitError as error:
+        raise UnitError(f"{table.source}: {error}") from None
     factor, _ = factor_offset(unit, "s")
     # a division keeps 7 ms at 0.007 s to the last bit, a product does not
     values = values / round(1 / factor) if factor < 1 else values * factor

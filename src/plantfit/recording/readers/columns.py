@@ -64,14 +64,14 @@ class Table:
                 numbers = [self.columns.index(c) for c in found]
                 raise RecordingError(f"{self.source} has {len(found)} columns {wanted!r} for {purpose}; choose one by number: {numbers}.")
         if wanted in self.left_out:
-            raise RecordingError(f"{self.source}: {wanted!r} cannot serve as {purpose} because {self.left_out[str(wanted)]}.")
+            raise RecordingError(f"{self.source}: {wanted!r} cannot be used for {purpose} because {self.left_out[str(wanted)]}.")
         headers = [c.header for c in self.columns]
         raise RecordingError(f"{self.source} has no column {wanted!r} for {purpose}{close_match(str(wanted), headers)}; it has {headers}.")
 
 
 def close_match(wanted: str, names: Iterable[str]) -> str:
-    """A parenthesis ", did you mean ...?" or nothing."""
-    by_lower = {name.lower(): name for name in names}
+    """A parenthesis " (did you mean ...?)" or nothing; names may have units in brackets."""
+    by_lower = {split_header(name)[0].lower(): name for name in names} | {name.lower(): name for name in names}
     close = difflib.get_close_matches(wanted.lower(), by_lower, n=1, cutoff=0.5)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 
@@ -87,6 +87,13 @@ def split_header(header: str) -> tuple[str, str | None]:
     if known(unit):
         return found["name"].strip(), unit
     return header.strip(), unit if logarithmic(unit) else None
+
+
+def unknown_unit(header: str) -> str | None:
+    """What stands in square brackets at the end of a header, where it has letters and is not a known unit."""
+    found = _BRACKETED.match(header.strip())
+    text = (found["square"] or "").strip() if found else ""
+    return text if re.search(r"[^\W\d]", text) and split_header(header)[1] is None else None
 
 
 # endings of names that are hardly anything else; of single letters only two, since T_A and x_m may be anything

@@ -59,7 +59,7 @@ def differentiate(
     else:
         values = _local(recording, source.values, method, derivative, window, order, smoothing, step)
     if not np.isfinite(values).any():
-        raise RecordingError(f"{step}: no stretch without missing samples is long enough; call fill_gaps first or use a smaller window.")
+        raise RecordingError(f"{step}: {_too_short(source.values)}")
     unit = source.unit
     if unit is not None:
         unit = per_second(unit) if derivative == 1 else per_second(per_second(unit))
@@ -68,6 +68,15 @@ def differentiate(
         f"{new!r} is the {which}derivative of {signal!r} ({how}), {int(np.isfinite(values).sum())} samples{lost(source.values, values)}."
     )
     return with_signal(recording, new, values, unit, sentence + why)
+
+
+def _too_short(values: np.ndarray) -> str:
+    """Why no derivative came of values (n,), and what helps."""
+    if np.isfinite(values).all():
+        return f"{len(values)} samples are too few for this method; use a longer recording, or a smaller window."
+    if not np.isfinite(values).any():
+        return "all samples are missing; choose another signal."
+    return "every stretch without missing samples is too short; fill the gaps first (fill_gaps), or use a smaller window."
 
 
 def _low_passed(recording: Recording, values: np.ndarray, method: str, derivative: int, cutoff: float, order: int, step: str) -> np.ndarray:

@@ -74,10 +74,12 @@ def _why_not(port: str, error: Exception) -> str:
     if code == errno.ENOENT or not (os.path.exists(port) or "://" in port or os.name == "nt"):
         found = ports()
         return f"There is no port {port}; " + (
-            f"this machine has {', '.join(found)}." if found else "plug the board in; no serial port is there now."
+            f"this machine has {', '.join(found)}; name the port of the board."
+            if found
+            else "this machine has no serial port now; plug the board in."
         )
     if code in (errno.EACCES, errno.EPERM):
-        return f"Port {port} may not be opened by this user; add the user to the group that owns it (often dialout) and log in again."
+        return f"Port {port} may not be used by this user; add the user to the group that owns it (often dialout) and log in again."
     if code in (errno.EAGAIN, errno.EBUSY) or "lock" in text:
         return f"Port {port} is in use by another program; close that program first."
     if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "configure port" in text:

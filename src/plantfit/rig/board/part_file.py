@@ -75,7 +75,8 @@ class PartFile:
     def failed(self, error: OSError) -> RecordingError:
         """The sentence for a disk that refused."""
         return RecordingError(
-            f"{str(self.part)!r} could not be written on ({error.strerror}); what came before is kept there: free space and record again."
+            f"{str(self.part)!r} could not be continued ({error.strerror}); what was recorded until then is kept in it: free "
+            "some space and record again."
         )
 
     def _write(self) -> None:

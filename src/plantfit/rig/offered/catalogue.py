@@ -110,7 +110,7 @@ def _number(rig: str, number: Number, value: float | str) -> float:
     try:
         value = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise SimulationError(f"Rig {rig!r}: {number.name} = {value!r} is no number; give one in {number.unit or '1'}.") from None
+        raise SimulationError(f"Rig {rig!r}: {number.name} = {value!r} is not a number; give one in {number.unit or '1'}.") from None
     if refused := number.refused(value):
         raise SimulationError(f"Rig {rig!r}: {refused}.")
     return value

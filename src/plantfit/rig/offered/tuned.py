@@ -115,7 +115,7 @@ def read_tuned(path: str | Path) -> Tuned:
             f"The controller {str(path)!r} cannot be read ({error.strerror}); name a file that `plantfit tune` wrote."
         ) from None
     except (ValueError, KeyError, IndexError, TypeError, AttributeError):
-        raise SimulationError(f"{str(path)!r} is no controller; name a file NAME-tune.json that `plantfit tune` wrote.") from None
+        raise SimulationError(f"{str(path)!r} is not a controller; name a file NAME-tune.json that `plantfit tune` wrote.") from None
 
 
 def _tuned(record: dict[str, Any], name: str) -> Tuned:

@@ -21,7 +21,7 @@ _SENTENCES = {
     "SQLITE_CANTOPEN": "cannot be opened; check that it is a file and that you may read and write its folder.",
     "SQLITE_CORRUPT": "is damaged; restore it from a copy, or move it away and start the study again.",
     "SQLITE_NOTADB": "is not a study database; choose another file, or move this one away.",
-    "SQLITE_IOERR": f"could not be read or written by the disk; check the disk, then resume the study ({KEPT}).",
+    "SQLITE_IOERR": f"cannot be read or written, because the disk failed; check the disk, then resume the study ({KEPT}).",
 }
 
 

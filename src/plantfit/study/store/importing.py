@@ -53,7 +53,7 @@ def _from_json(path: Path) -> WholeStudy:
         text = path.read_text(encoding="utf-8-sig")
         record = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise _Refused(f"is not an exported study, or broken ({error}); {AGAIN}") from error
+        raise _Refused(f"is not an exported study, or broken (it cannot be read as JSON: {error}); {AGAIN}") from error
     _refuse_surrogates(record, text)
     head = _header(record)
     return _joined(head, (_run_of_json(values, place) for values, place in _listed(record, "runs")))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.roles import Role, Roles
 
-_TREATED = {"sort": "times go back", "duplicates": 'times stand twice; "first" keeps the first row of each'}
+_TREATED = {"sort": "times go back", "duplicates": 'times appear twice; "first" keeps the first row of each'}
 _TOLD = {"set point": "left out", "copy": "left out", "text": "left out", "empty": "left out", "index": "left out", "constant": "left out"}
 
 
@@ -30,15 +30,18 @@ def init(
     """
     if model is not None and (model != "dc_motor" or candidates):
         raise SpecError(
-            "--candidates compares models without physics; leave it out with --model."
+            "--candidates compares models without physics and cannot be used with --model; leave one of the two out."
             if candidates
-            else f"init writes a study of the model dc_motor, and not of {model!r}; for others write [model] kind (`plantfit models`)."
+            else f"--model {model!r}: init writes a study of the model dc_motor only; for another model write [model] kind yourself "
+            "(`plantfit models`)."
         )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.roles import UNMOVED, roles_of
 
     source = Path(file)
+    if source.is_dir():
+        raise RecordingError(f"{file!r} is a folder; name a file in it.")
     name = source.name.split(".")[0]
     target = Path(place) if place else source.with_name(f"{name}.toml")
     kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
@@ -83,7 +86,7 @@ def init(
         of = " and ".join(u.symbol for u in link.inputs)
         if link.output.header in unmoved and not (inputs or outputs):
             way = f"--input {link.output.header!r}"
-            told = f"No answer of {link.output.symbol} to {of} was found: leave it out, or take it as an input ({way})."
+            told = f"{link.output.symbol} does not seem to answer to {of}: leave it out, or make it an input ({way})."
         else:
             told = f"{link.output.symbol} answers to {of}."
         out.print(told, markup=False)
@@ -119,11 +122,17 @@ def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[st
 
 
 def _tell(source: str, found: "Description", roles: "Roles") -> None:
+    from plantfit.recording.readers.assemble import brackets_told
+    from plantfit.recording.readers.columns import unknown_unit
+
     clock = f", {found.period:.4g} s apart" if found.period else ""
     out.print(f"{source}: {found.rows} rows{clock}", markup=False)
     width = min(32, max(len(c.header) for c in roles.columns))
     for summary, role in zip(found.columns, roles.columns, strict=True):
         out.print(f"  {role.header[:40]:<{width}}  {_words(role)}{_range(summary)}", markup=False)
+    for header in (c.header for c in found.columns):
+        if unknown := unknown_unit(header):
+            out.print(f"{brackets_told(header, unknown)}.", markup=False)
 
 
 def _words(role: "Role") -> str:
@@ -157,8 +166,8 @@ def _chosen(
     moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
     if len(moving) < 2:
         raise RecordingError(
-            f"{source}: a study needs an input and an output, two columns of changing numbers beside the time; "
-            f"{'there is only ' + repr(moving[0].header) if moving else 'no column moves'}."
+            f"{source}: a study needs an input and an output, two columns of changing numbers besides the time; "
+            f"{'only ' + repr(moving[0].header) + ' changes' if moving else 'no column changes'}."
         )
     said_in, said_out = _named(source, inputs, usable), _named(source, outputs, usable)
     guessed = {kind: [r.header for r in moving if r.kind == kind] for kind in ("input", "output")}
@@ -169,9 +178,13 @@ def _chosen(
     if ask and not (inputs and outputs) and any(r.header in (*own_in, *own_out) for r in roles.unsure):
         own_in = _asked("Inputs", own_in, usable, source)
         own_out = _asked("Outputs", [h for h in own_out if h not in own_in] or [h for h in rest if h not in own_in], usable, source)
+    headers = [r.header for r in roles.columns]
+    twice = next((h for h in (*own_in, *own_out) if headers.count(h) > 1), None)
+    if twice is not None:
+        raise RecordingError(f"{source} has {headers.count(twice)} columns {twice!r}; give each its own name in the header.")
     both = {*own_in} & {*own_out}
     if both or not own_in or not own_out:
-        what = f"{sorted(both)[0]!r} is named as input and output" if both else f"no {'output' if own_in else 'input'} is left"
+        what = f"{sorted(both)[0]!r} is both input and output" if both else f"no {'output' if own_in else 'input'} is left"
         raise RecordingError(f"{source}: {what}; name inputs with --input and outputs with --output.")
     return own_in, own_out
 
@@ -181,7 +194,7 @@ def _named(source: str, wanted: Sequence[str], usable: "list[Role]") -> list[str
     for word in wanted:
         match = next((r.header for r in usable if word in (r.header, r.name)), None)
         if match is None:
-            raise RecordingError(f"{source} has no column of numbers {word!r}; it has {[r.header for r in usable]}.")
+            raise RecordingError(f"{source} has no column of numbers {word!r}; its columns of numbers are {[r.header for r in usable]}.")
         found.append(match)
     return list(dict.fromkeys(found))
 
@@ -216,7 +229,7 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
     def signal(header: str) -> Signal:
         c = known[header]
         if c.minimum is None or c.maximum is None or c.minimum == c.maximum:
-            raise RecordingError(f"Column {header!r} never moves, so that nothing can be said of it; name another.")
+            raise RecordingError(f"Column {header!r} never changes, so it can be neither input nor output; name another.")
         first = float(c.first_number if c.first_number is not None else c.minimum)
         named = None if c.unit else unit_in_name(header)
         return Signal(symbols[header], header, c.unit or named, c.minimum, c.maximum, first, named is not None)
@@ -253,15 +266,23 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
                 raise
             clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
             if not quiet:
-                out.print(f"{str(error).partition('; ')[0]}: the file says {error.treatment}.", markup=False)
+                out.print(
+                    f"{_of_recording(error, target).partition('; ')[0]}. The study file treats this with {error.treatment}.", markup=False
+                )
         except PlantfitError as error:  # of a file that the user has not seen
             raise RecordingError(
-                f"No study file that runs can be made of this recording ({str(error).splitlines()[0]}); look at the names and values of "
-                "its columns, or write one by hand (docs/study-file.md)."
+                f"No study file that runs can be made from this recording ({_of_recording(error, target).splitlines()[0]}); "
+                "check the names and values of "
+                "its columns, or write the file by hand (docs/study-file.md)."
             ) from error
         else:
             break
     return clock
+
+
+def _of_recording(error: PlantfitError, target: Path) -> str:
+    """A sentence about the recording, without the study file that is not written yet."""
+    return str(error).removeprefix(f"{target.name}, [recording.data]: ").removesuffix(".")
 
 
 def _checked(text: str, target: Path) -> None:

@@ -42,7 +42,7 @@ def new(
     source = Path(name)
     if kind is None and source.suffix != _ENDS:
         raise SpecError(
-            f"{name!r} is no list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit new --list`)."
+            f"{name!r} is not a list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit new --list`)."
         )
     target = Path(place) if place else source.with_suffix(".toml") if source.suffix in (_ENDS, ".toml") else Path(f"{name}.toml")
     if not target.parent.is_dir():
@@ -102,7 +102,7 @@ def _of_file(source: Path) -> _Made:
             f"There is no file {str(source)!r}; write the parts into it, or begin with `plantfit new NAME --from rlc`."
         ) from None
     except (UnicodeDecodeError, IsADirectoryError):
-        raise SpecError(f"{str(source)!r} is no text; a list of parts has lines as in: R1 resistor a b.") from None
+        raise SpecError(f"{str(source)!r} is not text; a list of parts has lines such as: R1 resistor a b.") from None
     made = network(text, source.name)
     return _Made(of_network(made, text), "", _told(made.states, made.idle))
 

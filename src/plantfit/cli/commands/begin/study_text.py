@@ -30,7 +30,7 @@ file = {path}
 {time}
 signals = {{ {signals} }}
 {units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
-# before = {{ {input} = {first:.4g} }}    # the input before the first sample, where it was another than the first value
+# before = {{ {input} = {first:.4g} }}    # the input before the first sample, if it differed from the first value
 # skip = 0.0           # seconds at the start of each part that are simulated but not scored
 # clean = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
 #          {{ step = "fill_gaps", signal = "{input}", longest = {gap:.3g} }}]

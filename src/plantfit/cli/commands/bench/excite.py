@@ -88,7 +88,7 @@ def _settings(kind: str, make: Callable[..., Any], given: Mapping[str, Any], uni
         option = f"--{key.replace('_', '-')}"
         if key not in parameters:
             known = [f"--{p.replace('_', '-')}" for p in parameters if p in given]
-            raise SpecError(f"A {kind} has no {option}; it takes {', '.join(known)}.")
+            raise SpecError(f"{option} cannot be used with {kind}; it takes {', '.join(known)}.")
         if key in _UNITS or key in _LEVELS:
             chosen[key] = quantity(option, value, _UNITS.get(key, unit))
     for key, p in parameters.items():

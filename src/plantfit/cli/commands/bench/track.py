@@ -30,7 +30,7 @@ def track(
     if idle is not None and not grows:
         raise RecordingError("--idle is for a recording that grows; give --follow too, or leave it out.")
     if place is not None and Path(place).exists() and not force:
-        raise StoreError(f"{place} is there already; choose another place for --out, or give --force.")
+        raise StoreError(f"{place} exists already; give another place with --out, or --force to overwrite it.")
     from plantfit.estimators import check_estimable
     from plantfit.findings.results.tracked import RaisedAlarm, Tracked
     from plantfit.tracking import track as tracker_of

@@ -29,7 +29,7 @@ def design(
 
     check_place(drawn)
     if target.exists() and not force:
-        raise StoreError(f"{target} is there already; give another place with --out, or --force to replace it.")
+        raise StoreError(f"{target} exists already; give another place with --out, or --force to overwrite it.")
     answer = answer_for(table, Path(spec), study, store)
     rival = answer_for(other, Path(against), None, store) if other is not None and against else None
     from plantfit.cli.terminal.out import print_json, said_line

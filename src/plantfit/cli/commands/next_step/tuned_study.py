@@ -156,7 +156,7 @@ def _files(found: "Controller | Held", page: Path, folder: Path, write_page: Cal
 
     data = page.with_suffix(".json")
     if not may_be_written(data):
-        raise StoreError(f"{data} is there and was not written by plantfit; move it, or name another page with --out.")
+        raise StoreError(f"{data} exists and was not written by plantfit; move it, or name another page with --out.")
     folder.mkdir(parents=True, exist_ok=True)
     c = found.to_c(folder)
     data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")

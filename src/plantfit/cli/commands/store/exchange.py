@@ -33,7 +33,7 @@ def export(number: int | None, json: bool, parquet: bool, place: str | None, sto
     for kind in kinds:
         file = Path(place or file_name(study.name, kind))
         if place is None and file.exists() and not _is_export(file):
-            raise StoreError(f"{file} is there already and no exported study; name another file with --out.")
+            raise StoreError(f"{file} exists already and is not an exported study; name another file with --out.")
         (opened.export_json if kind == "json" else opened.export_parquet)(study.id, file)
         out.print(f"Study {study.id} ({study.name}), {study.runs_done} of {study.runs_total} runs: {file}", markup=False)
 

@@ -22,7 +22,7 @@ def compare_models(
     if len(set(given)) < len(given):
         raise SearchError(f"{next(g for g in given if list(given).count(g) > 1)} is given twice; give each model once.")
     if len(given) + linear < 2:
-        raise SearchError("One model alone is compared with nothing; give two or more, or leave --no-linear out.")
+        raise SearchError("One model alone cannot be compared; give two or more, or leave --no-linear out.")
     check_place(Path(place))
     read = {g: specs.load(g) for g in given if g in files}
     opened = Store.open(store, create=bool(files))

@@ -22,7 +22,7 @@ def sensitivity(
     from plantfit.trust import morris, need_salib, sobol_indices
 
     if method not in METHODS:
-        raise SearchError(f"--method {method} is unknown; use one of {list(METHODS)}.")
+        raise SearchError(f"--method {method} is unknown; use {' or '.join(METHODS)}.")
     if box and radius is not None:
         raise SearchError(f"--box looks at the whole box and --radius {radius:g} around a point; give one of them.")
     need_salib()

@@ -13,7 +13,7 @@ def number_of(given: str, store: str) -> int:
     records = Store.open(store, create=False).studies()
     own = [r.id for r in records if r.name == given]
     if not own:
-        raise StoreError(f"{given!r} is no study file here and no study in {shown(store)}; see `plantfit list`.")
+        raise StoreError(f"{given!r} is neither a study file here nor a study in {shown(store)}; see `plantfit list`.")
     return own[-1]
 
 

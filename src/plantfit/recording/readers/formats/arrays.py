@@ -150,7 +150,8 @@ def npz_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
         with np.load(file, allow_pickle=False) as archive:
             content = {key: archive[key] for key in archive.files}
     except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{file.name} cannot be read as an archive of plain arrays ({error}); write it with numpy.savez.") from None
+        why = "" if "pickle" in str(error) else f" ({error})"  # numpy advises to load it unsafely
+        raise RecordingError(f"{file.name} cannot be read as an archive of plain arrays{why}; write it with numpy.savez.") from None
     return array_table(file.name, dict(_flat(content)), time)
 
 

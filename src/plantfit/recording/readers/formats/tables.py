@@ -54,7 +54,7 @@ def frame_table(frame: Any, source: str, time: str | int | None = None) -> Table
     """The columns of a data frame, of which only `columns`, `[name].to_numpy()` and, if there is one, `index` are asked."""
     if not isinstance(frame, pl.DataFrame):
         if not hasattr(frame, "columns") or not hasattr(frame, "__getitem__"):
-            raise RecordingError(f"A {type(frame).__name__} is no data frame; give a polars or pandas frame, or use from_arrays.")
+            raise RecordingError(f"A {type(frame).__name__} is not a data frame; give a polars or pandas frame, or use from_arrays.")
         arrays = {str(name): np.asarray(frame[name].to_numpy()) for name in frame.columns}
         cells = [cells_of(name, array) for name, array in arrays.items()]
         columns = (*named_columns(arrays, cells), *_index(frame, time, list(arrays)))  # numbers of columns stay

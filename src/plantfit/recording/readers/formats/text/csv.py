@@ -237,9 +237,11 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         lines, numbers, uneven = lines[:-1], numbers[:-1], []
     if uneven:
         row = uneven[0]
+        comma = separator == "," and counts[row] > width
+        hint = "if its numbers have decimal commas, separate the columns by semicolons" if comma else "in Python also delimiter= or skip="
         raise RecordingError(
             f"{found.source}, line {numbers[row]}: {counts[row]} cells where the first row has {width} (delimiter "
-            f"{_NAMES.get(separator, separator)!r}); correct the line, or give delimiter= or skip=."
+            f"{_NAMES.get(separator, separator)!r}); correct the line ({hint})."
         )
     if not lines:
         raise RecordingError(f"{found.source} holds no rows of data below its header; check that the file is complete.")
@@ -256,6 +258,7 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         )
     except pl.exceptions.PolarsError as error:
         raise RecordingError(
-            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); give delimiter= or skip=."
+            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); correct the file, or in Python give "
+            "delimiter= or skip=."
         ) from None
     return frame, np.array(numbers)
