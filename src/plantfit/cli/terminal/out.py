@@ -2,9 +2,10 @@
 
 import json
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from rich.console import Console
@@ -45,13 +46,24 @@ def verdict(findings: dict[str, Any]) -> None:
 
 
 @contextmanager
-def preparing(name: str) -> Iterator[None]:
-    """A line while the problem of a study is made ready, where standard error is a terminal."""
-    if not err.is_terminal:
-        yield
+def doing(what: str) -> Iterator[None]:
+    """A line while `what` is done, on standard error: wiped away on a terminal; in a log only where it takes more than 30 s."""
+    if err.is_terminal:
+        with err.status(escape(what)):
+            yield
         return
-    with err.status(f"{escape(name)}: chooses how long the steps of its simulation are"):
+    told = threading.Timer(LOG_EVERY, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
+    told.daemon = True
+    told.start()
+    try:
         yield
+    finally:
+        told.cancel()
+
+
+def preparing(name: str) -> AbstractContextManager[None]:
+    """A line while the problem of a study is made ready."""
+    return doing(f"{name}: chooses how long the steps of its simulation are")
 
 
 def warn(sentence: str) -> None:

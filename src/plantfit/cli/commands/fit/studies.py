@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.cli.commands.begin.check import say_looks
 from plantfit.cli.terminal.interrupts import stoppable
-from plantfit.cli.terminal.out import out, print_json, said_line, verdict, warn
+from plantfit.cli.terminal.out import doing, out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
 from plantfit.study.store.addresses import shown, store_option
@@ -153,7 +153,8 @@ def _saved(records, store: str) -> str:
 def _answer(study, opened, number: int, seconds, prepared=None):
     from plantfit.reopen import answer_of
 
-    return answer_of(opened, opened.study(number), study, seconds, prepared)
+    with doing(f"{study.name}: leads its best runs to their ends with finer steps, and simulates the answer by another solver"):
+        return answer_of(opened, opened.study(number), study, seconds, prepared)
 
 
 def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:
@@ -163,6 +164,8 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
     name = study.name
     if answer.errors and answer.draws:
         warn(f"{name}: carrying the stated errors to the parameters by {answer.draws} fits.")
+    with doing(f"{name}: works out what the data determine"):
+        _ = answer.findings
     if diagnose and study.table.diagnose:
         _diagnosed(answer, study, json)
     path = answer.report(place)
