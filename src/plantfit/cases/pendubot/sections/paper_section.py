@@ -135,8 +135,8 @@ def _rmse_table(runs: Sequence[MethodRuns]) -> dict[str, Any]:
         "caption": "Table 3: RMSE in N m, virtual rig, beside what is legible of the paper's",
         "columns": ["method", "runs", "min", "mean", "std", "SEM", "95 % interval of the mean", "paper: min", "paper: mean", "paper: std"],
         "rows": rows,
-        "note": "95 % interval: mean +- 1.96 SEM, as in the paper. The records differ, so that the levels cannot be compared; ours was made "
-        "to be near the paper's.",
+        "note": "95 % interval: mean +- 1.96 SEM, as in the paper. The records differ, so that the levels cannot be compared; ours was "
+        "made to be near the paper's.",
     }
 
 
