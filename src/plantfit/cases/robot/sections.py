@@ -165,7 +165,7 @@ def marked(figure: Figure, m: StepMetrics, t: np.ndarray, share: np.ndarray) -> 
     points = (
         (late, 0.9, f"rise {1e3 * m.rise_time:.0f} ms", 45, 20),
         (m.peak_time, high, f"overshoot {m.overshoot:.0f} %, peak at {1e3 * m.peak_time:.0f} ms", 90, -18),
-        (m.settling_time, float(np.interp(m.settling_time, t, share)), f"settled within 2 % at {1e3 * m.settling_time:.0f} ms", 60, -45),
+        (m.settling_time, float(np.interp(m.settling_time, t, share)), f"settled within 2 % at {1e3 * m.settling_time:.0f} ms", 60, 45),
         (EARLY, float(np.interp(EARLY, t, share)), f"steady-state error {m.steady_state_error:.2g} rad/s", -60, 40),
     )
     base = {"showarrow": True, "arrowhead": 2, "arrowsize": 0.8, "arrowcolor": style.MUTED, "font": style.SMALL, "standoff": 2}

@@ -32,11 +32,12 @@ def scheme_figure(truth: Mapping[str, float]) -> Figure:
             line | {"x": style.numbers(np.array([start[0], end[0]]), 5), "y": style.numbers(np.array([start[1], end[1]]), 5)}
         )
     names = {
-        "torque tau, theta1": base + np.array([0.07, 0.012]),
+        "torque tau": base + np.array([-0.06, 0.01]),
+        "theta1": base + np.array([0.06, 0.02]),
         "theta2": elbow + np.array([0.07, 0.05]),
-        "l1": 0.4 * elbow + np.array([-0.02, 0.0]),
-        "m1, I1 at lc1": centres[0] + np.array([-0.045, 0.012]),
-        "m2, I2 at lc2": centres[1] + np.array([0.0, -0.02]),
+        "l1": 0.4 * elbow + np.array([-0.02, 0.01]),
+        "m1, I1 at lc1": centres[0] + np.array([-0.065, 0.005]),
+        "m2, I2 at lc2": centres[1] + np.array([0.02, -0.03]),
         "l2": elbow + 0.85 * (tip - elbow) + np.array([0.0, 0.018]),
     }
     notes = [
