@@ -47,8 +47,8 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
             "other methods with the same budget. The third reading, 0.4 for each bit, is random search and is not offered.",
             "e2 measures nothing: along any solution of the model it is Lm di/dt + Kb (w of the model - w of the surrogate). "
             f"At the truth J is {found.truth:.4g}; {_below(found)}, which makes e2 small.",
-            f"The model's speed of the genetic algorithm's best run is {_late(found):.2g} ms behind the surrogate's by least squares "
-            "(the paper: slightly delayed).",
+            f"By least squares the model's speed of the genetic algorithm's best run is {_lag(_late(found))} the surrogate's (the paper: "
+            "slightly delayed).",
             f"The paper's answer too has a small Kb ({PUBLISHED['Kb']}) beside its Kt ({PUBLISHED['Kt']}).",
             f"Overflow: with a fixed step of 10 ms (RK4), {guard.failures} of the {GUARDED} candidates of a run of 30 generations diverge; "
             "each is counted, costs infinity, and the run goes on. With the stepper of all other runs "
@@ -114,6 +114,10 @@ def _late(found: Methods) -> float:
     [experiment] = found.problem.experiments.values()
     slope = np.gradient(experiment.recording["w"], t)
     return float(1e3 * np.sum(e1 * slope) / np.sum(slope**2))
+
+
+def _lag(late: float) -> str:
+    return f"{abs(late):.2g} ms {'behind' if late > 0 else 'ahead of'}"
 
 
 def _below(found: Methods) -> str:
