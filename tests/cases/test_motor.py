@@ -71,6 +71,24 @@ def test_both_errors_are_the_papers(study):
     assert parts_at(study.problem, p) == pytest.approx((e1, e2), rel=2e-3)
 
 
+def test_figures_15_and_16_draw_both_signals_and_their_differences(study):
+    """Speed of model and surrogate, voltage calculated and applied: each pair differs by its error."""
+    from plantfit.cases.motor.methods import GA, errors_at
+    from plantfit.cases.motor.methods_section import _late, _over_time
+
+    problem, late = study.problem, dict(TRUTH) | {"Lm": 2 * TRUTH["Lm"]}
+    results = {label: [SimpleNamespace(cost=1.0)] for label in GA}
+    found = SimpleNamespace(problem=problem, results=results, best=lambda label: late)
+    lines = {line["name"]: np.array(line["y"]) for line in _over_time(found)["data"]}  # pyright: ignore[reportArgumentType]
+    label = next(iter(GA))
+    _, e1, e2 = errors_at(problem, late)
+    for made, seen, error in ((f"model, {label}", "surrogate", e1), (f"calculated, {label}", "applied", e2)):
+        assert len(lines[made]) == len(lines[seen]) == 200
+        np.testing.assert_allclose(lines[seen] - lines[made], error, atol=1e-2)
+    assert f"{label}, best run, e1" in lines
+    assert _late(found) > 3.0  # ms: twice the inductance delays by Lm/Rm  # pyright: ignore[reportArgumentType]
+
+
 def test_kt_is_tied_or_free_by_one_line(study):
     assert study.problem.space.names == ("Rm", "Lm", "Kb", "Jm", "Cm", "Tf") or "Kt" not in study.problem.space.names
     text = study.text.replace('tied = "Kb"', "")

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 from plantfit.cases.pendubot.paper_study import METHODS, paper_study
 from plantfit.cases.pendubot.sections.paper_section import errata_section, gap_section, record_section, results_section
+from plantfit.cases.pendubot.sections.pose_figures import POSES, poses_figure, scheme_figure
 from plantfit.cases.pendubot.stagnation import causes, stagnation, valley
 from plantfit.cases.pendubot.study_runs import CLOSE, floor_of, method_runs, triangle_of
 from plantfit.cases.pendubot.torque import CALM, torque_record, write_record
@@ -109,6 +110,23 @@ def test_sections_are_whole_and_make_a_page(made, problem, floor, swarm):
     page = render_case_page({"title": "t", "subtitle": "s", "sections": sections})
     assert "Virtual rig: tables 2 to 4" in page
     assert "888.4771" in page  # the paper's seconds for a run of PSO
+
+
+def test_the_poses_are_the_papers_and_y_leads_through_them(made):
+    """Equation 16 at rest: (b2 + b3)/b2 (theta1 - pi/2) + theta2, with link 2 on end in every pose."""
+    recording, truth = made.run.recording, made.run.truth
+    b, l1 = truth["base"], truth["constants"]["l1"]
+    figure = poses_figure(recording, b, l1, truth["constants"]["g"])
+    [y] = [line for line in figure["data"] if line.get("name") == "y_f"]
+    chains = [line for line in figure["data"] if line.get("hovertemplate", "").startswith("at ")]
+    assert len(chains) == len(POSES)
+    for time, theta1, chain in zip(POSES, np.pi / 2 + np.array([0.0, 1.0, -1.0]) * np.pi / 6, chains, strict=True):
+        expected = (b["b2"] + l1 * b["b5"]) / b["b2"] * (theta1 - np.pi / 2) + (np.pi / 2 - theta1)
+        assert np.interp(time, y["x"], y["y"]) == pytest.approx(expected, abs=2e-4)
+        assert chain["x"][1] == pytest.approx(l1 * np.cos(theta1), abs=1e-4)
+        assert chain["x"][2] == pytest.approx(chain["x"][1], abs=1e-4)  # link 2 on end
+    names = {note["text"] for note in scheme_figure(truth["parameters"])["layout"]["annotations"]}
+    assert {"theta2", "l1", "l2", "m1, I1 at lc1", "m2, I2 at lc2"} <= names
 
 
 @pytest.mark.slow

@@ -116,6 +116,21 @@ def test_the_filtered_record_settles_and_overshoots_as_the_motor_does():
     assert seen.peak_time == pytest.approx(model.peak_time, abs=1.5e-3)
 
 
+def test_the_characteristics_of_figure_1_are_marked_where_the_curve_has_them():
+    from plantfit.cases.robot.gains_section import constant_duty
+    from plantfit.cases.robot.sections import EARLY, marked
+
+    step, m = response(MOTOR, constant_duty(MOTOR))
+    t, share = np.asarray(step.t), np.asarray(step.y) / SET_POINT
+    notes = marked({"data": [], "layout": {}}, m, t, share)["layout"]["annotations"]
+    rise, peak, settled, end = ((note["x"], note["y"]) for note in notes)
+    assert peak == pytest.approx((t[np.argmax(share)], share.max()), abs=1e-4)
+    assert rise[0] == pytest.approx(t[np.argmax(share >= 0.1)] + m.rise_time)
+    assert np.all(np.abs(share[t >= settled[0]] - 1) <= 0.02)
+    assert end == pytest.approx((EARLY, share[np.argmin(abs(t - EARLY))]), abs=1e-4)
+    assert f"overshoot {m.overshoot:.0f} %" in notes[1]["text"]
+
+
 def test_odometry_with_a_radius_for_each_wheel_is_the_cleaning_step_where_both_are_alike():
     from plantfit.cases.robot.drive_section import PULSES, odometry_of
     from plantfit.recording import odometry

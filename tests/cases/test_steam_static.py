@@ -106,8 +106,14 @@ def test_the_page_says_what_was_found():
     tables = table_uncertainty(recordings["opening100"], steps.constants["opening100"])
     section = uncertainty_section("100", tables, ["k[7]", "Td"], zero_left_in(recordings["opening100"]), constants)
     assert pressure_budget().expanded() == pytest.approx(0.1424, abs=5e-5)
+    rng = np.random.default_rng(4)
+    drawn = np.abs(rng.uniform(-0.039, 0.039, 200_000) + rng.uniform(-0.117, 0.117, 200_000))
+    table = next(t for t in section["tables"] if "table 4" in t["caption"])
+    for row in table["rows"]:
+        assert float(row[3].rstrip(" %")) == pytest.approx(float(row[2].rstrip(" %")), abs=0.5)  # the paper's 68, 95, 99.7 %
+        assert float(row[5].rstrip(" %")) == pytest.approx(100 * np.mean(drawn < float(row[4])), abs=0.3)
     assert section["tables"][0]["rows"][-1][6] == "0.1424"
-    assert [row[0] for row in section["tables"][2]["rows"]] == ["k[7]", "Td"]
+    assert [row[0] for row in section["tables"][-1]["rows"]] == ["k[7]", "Td"]
     gain = next(i for i, n in enumerate(constants.names) if n.startswith("k"))
     limit = np.sqrt(0.002**2 + 0.006**2) / np.sqrt(6)  # two triangles, in shares
     shown = np.sqrt(sum(constants.systematic[f"{n}, span"][gain] ** 2 for n in ("pressure transducer", "analog input card")))

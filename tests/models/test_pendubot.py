@@ -217,3 +217,27 @@ def test_presliding_regression_reads_the_states_of_the_recording():
     names = list(m.coefficients)
     np.testing.assert_array_equal(blocks["tau1"][:, names.index("Fc1")], signals["slide1"])
     np.testing.assert_array_equal(blocks["tau2"][:, names.index("Fc2")], signals["slide2"])
+
+
+def test_the_equations_that_plantfit_models_prints_are_those_of_the_models():
+    """Written down here as they are printed: M, C and G of `pendubot`, and both torques of `pendubot_regression`."""
+    s, b, cos, sin = motion(), {**base_values(TRUTH)}, np.cos, np.sin
+    b1, b2, b4, b5, b3, g, l1 = b["b1"], b["b2"], b["b4"], b["b5"], L1 * b["b5"], G, L1
+    theta1, theta2, omega1, omega2, alpha1, alpha2 = (s[f"{k}{j}"] for k in ("theta", "omega", "alpha") for j in (1, 2))
+    zero = np.zeros_like(theta1)
+    M = [[b1 + b2 + 2 * b3 * cos(theta2), b2 + b3 * cos(theta2)], [b2 + b3 * cos(theta2), b2 + zero]]
+    C = [[-b3 * omega2 * sin(theta2), -b3 * (omega1 + omega2) * sin(theta2)], [b3 * omega1 * sin(theta2), zero]]
+    gravity = [b4 * g * cos(theta1) + b5 * g * cos(theta1 + theta2), b5 * g * cos(theta1 + theta2)]
+    both = [M[j][0] * alpha1 + M[j][1] * alpha2 + C[j][0] * omega1 + C[j][1] * omega2 + gravity[j] for j in (0, 1)]
+    bent = cos(theta2) * (2 * alpha1 + alpha2) - sin(theta2) * omega2 * (2 * omega1 + omega2)
+    tau1 = b1 * alpha1 + b2 * (alpha1 + alpha2) + b4 * g * cos(theta1) + b5 * g * cos(theta1 + theta2) + b5 * l1 * bent
+    bent = cos(theta2) * alpha1 + sin(theta2) * omega1**2
+    tau2 = b2 * (alpha1 + alpha2) + b5 * g * cos(theta1 + theta2) + b5 * l1 * bent
+    model = pendubot_regression(joints=(1, 2))
+    for j, printed in enumerate((tau1, tau2)):
+        np.testing.assert_allclose(both[j], printed, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(model.predict(s, TRUTH, f"tau{j + 1}"), printed, rtol=1e-10, atol=1e-12)
+    for line in ("M = [[b1 + b2 + 2 b3 cos(theta2), b2 + b3 cos(theta2)], [b2 + b3 cos(theta2), b2]]",
+                 "C = [[-b3 omega2 sin(theta2), -b3 (omega1 + omega2) sin(theta2)], [b3 omega1 sin(theta2), 0]]"):  # fmt: skip
+        assert line in (pendubot.__doc__ or "")
+    assert "cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)" in (pendubot_regression.__doc__ or "")

@@ -7,6 +7,7 @@ import numpy as np
 
 from plantfit.cases.robot.gains_section import encoders_table, measured_metrics, said
 from plantfit.cases.robot.speed_loop import SET_POINT, UPPER, constant_duty, response
+from plantfit.control import StepMetrics
 from plantfit.fitting import Answer
 from plantfit.optimize import RunResult
 from plantfit.recording import Recording
@@ -91,9 +92,10 @@ def response_section(
     first = next(iter(tuned.values()))
     rows = [["constant duty", "none", *said(response(truth, duty)[1])], *encoders_table(truth, {**tuned, "the paper's gains": PAPER_GAINS})]
     final, _ = measured_metrics(measured)
+    open_run, metrics = response(identified, constant_duty(identified))
     shown = {
         "record at 3 V": (measured.t, measured["w"] / final),
-        "identified motor, constant duty": _share(response(identified, constant_duty(identified))[0]),
+        "identified motor, constant duty": _share(open_run),
         "identified motor, PID": _share(response(identified, first)[0]),
     }
     steps = {"constant duty": _share(response(truth, duty)[0])}
@@ -108,8 +110,9 @@ def response_section(
         ],
         "tables": [{"caption": "Step metrics, 2 % band, rise from 10 to 90 %", "columns": columns, "rows": rows}],
         "figures": [
-            {"figure": _steps(shown), "label": "Speed over the speed it settles at: the record, the model, the model with the PID (the "
-                                               "paper's figure 6)"},
+            {"figure": marked(_steps(shown), metrics, *_share(open_run)),
+             "label": "Speed over the speed it settles at: the record, the model, the model with the PID (the paper's figure 6); marked on "
+                      "the model are the characteristics of the paper's figure 1"},
             {"figure": _steps(steps), "label": "Speed of the true motor over the set point before and after tuning"},
         ],
     }  # fmt: skip
@@ -154,6 +157,22 @@ def _steps(shown: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
     layout = style.layout(320, showlegend=True)
     layout["xaxis"], layout["yaxis"] = style.axis("time [s]"), style.axis("speed, share of the final one")
     return {"data": data, "layout": layout}
+
+
+def marked(figure: Figure, m: StepMetrics, t: np.ndarray, share: np.ndarray) -> Figure:
+    """A figure of steps with the five terms of equation 13 at the points of one of its curves: t (n,) in s, share (n,) of the final."""
+    late, high = float(t[np.argmax(share >= 0.9)]), 1 + m.overshoot / 100
+    points = (
+        (late, 0.9, f"rise {1e3 * m.rise_time:.0f} ms", 45, 20),
+        (m.peak_time, high, f"overshoot {m.overshoot:.0f} %, peak at {1e3 * m.peak_time:.0f} ms", 90, -18),
+        (m.settling_time, float(np.interp(m.settling_time, t, share)), f"settled within 2 % at {1e3 * m.settling_time:.0f} ms", 60, 45),
+        (EARLY, float(np.interp(EARLY, t, share)), f"steady-state error {m.steady_state_error:.2g} rad/s", -60, 40),
+    )
+    base = {"showarrow": True, "arrowhead": 2, "arrowsize": 0.8, "arrowcolor": style.MUTED, "font": style.SMALL, "standoff": 2}
+    notes = [base | {"x": round(float(x), 5), "y": round(y, 4), "text": text, "ax": ax, "ay": ay} for x, y, text, ax, ay in points]
+    band = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "line": {"color": style.MUTED, "width": 1, "dash": "dot"}}
+    shapes = [band | {"y0": y, "y1": y} for y in (0.98, 1.02)]
+    return figure | {"layout": figure["layout"] | {"annotations": notes, "shapes": shapes}}
 
 
 def _line(x: np.ndarray, y: np.ndarray, name: str, line: dict[str, Any]) -> dict[str, Any]:

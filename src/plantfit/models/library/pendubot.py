@@ -56,6 +56,14 @@ def pendubot(
 ) -> Model:
     """Two links in a plane, driven at `joints`; (1,) is the pendubot, (1, 2) a double pendulum with two motors.
 
+        M q'' + C q' + G + friction = [tau1, tau2],    q = [theta1, theta2],    q' = [omega1, omega2]
+        M = [[b1 + b2 + 2 b3 cos(theta2), b2 + b3 cos(theta2)], [b2 + b3 cos(theta2), b2]]
+        C = [[-b3 omega2 sin(theta2), -b3 (omega1 + omega2) sin(theta2)], [b3 omega1 sin(theta2), 0]]
+        G = [b4 g cos(theta1) + b5 g cos(theta1 + theta2), b5 g cos(theta1 + theta2)]
+        b1 = m1 lc1^2 + m2 l1^2 + I1,  b2 = m2 lc2^2 + I2,  b3 = l1 b5,  b4 = m1 lc1 + m2 l1,  b5 = m2 lc2
+
+    As a state space: theta' = omega, omega' = M^-1 ([tau1, tau2] - C omega - G - friction); tau2 = 0 of the pendubot.
+
     States and outputs theta1, theta2 (rad), states omega1, omega2 (rad/s), outputs too with `velocity_output`. Inputs tau1,
     tau2 (N m), or with `drive` "voltage" V of a motor at joint 1 (V): tau1 = gr (kt/Ra V - kt ke/Ra gr omega1). theta2 is
     relative to link 1; theta1 is counter-clockwise from the horizontal, or with `angles` "hanging" from straight down.
@@ -68,7 +76,7 @@ def pendubot(
     outputs start where measured); with `sign` "presliding" so do states slide1, slide2,
     which otherwise start at 0. l1 (m) is the length of link 1.
 
-    Source: `double_pendulum` (equations), `joint_friction`.
+    Source: Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems (2002), chapter 5.
     """
     driven = _joints("joints", joints)
     check_choice("drive", drive, Drive)
@@ -134,6 +142,12 @@ def pendubot_regression(
     g: float = 9.81,
 ) -> LinearModel:
     """Torque of `joints` of a pendubot from its motion: the inverse of `pendubot`, from the same terms; options as there.
+
+        tau1 = b1 alpha1 + b2 (alpha1 + alpha2) + b4 g cos(theta1) + b5 g cos(theta1 + theta2)
+             + b5 l1 (cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)) + friction
+        tau2 = b2 (alpha1 + alpha2) + b5 g cos(theta1 + theta2)
+             + b5 l1 (cos(theta2) alpha1 + sin(theta2) omega1^2) + friction
+        b1 = m1 lc1^2 + m2 l1^2 + I1,  b2 = m2 lc2^2 + I2,  b4 = m1 lc1 + m2 l1,  b5 = m2 lc2
 
     Signals theta1, theta2 (rad), omega1, omega2 (rad/s), alpha1, alpha2 (rad/s^2); targets tau1, tau2 (N m). tau1 alone does
     not show the friction of joint 2.

@@ -68,4 +68,4 @@ def _said(found: Mapping[str, Screening]) -> list[str]:
         f", not for {', '.join(others)}." if others else "."
     )
     calm = min(found, key=lambda label: float(found[label].mu_star.sum()))
-    return [sentence, f"The cost reacts least around {calm}; the paper found HMS the calmest and k the leading group for all but SHADE."]
+    return [sentence, f"The cost reacts least around the answer of {calm}; in the paper it was that of HMS, and k led for all but SHADE."]

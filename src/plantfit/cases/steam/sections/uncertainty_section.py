@@ -1,5 +1,6 @@
 """What the page shows of the measurement's uncertainty, the paper's table 5, and of what it leaves of the parameters."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from plantfit.trust.stated_errors.uncertainty_budget import Budget, type_b, unce
 SPAN = 39.0  # bar
 PAPER = {"pressure transducer": (0.0225, 0.0450), "analog input card": (0.0675, 0.1351)}  # table 5, its "1351" read as 0.1351
 PAPER_TOTAL = 0.1424
+COVERAGE = {1: "68 %", 2: "95 %", 3: "99.7 %"}  # table 4
 SPAN_ENDS = ", span"
 CLOCK, OPENING = 1e-4, 5e-3  # limits that we assume: a card's clock, and the scale of the opening
 
@@ -89,6 +91,8 @@ def uncertainty_section(
             f"Expanded uncertainty of a reading, k = 2: {budget.expanded():.4f} bar, the paper's {PAPER_TOTAL}. The paper's table "
             f"prints 1351 for 0.1351, and its text writes the expanded {budget.expanded():.4f} bar as the standard uncertainty, which is "
             f"{budget.combined:.4f} bar.",
+            "No part is of type A: each pressure was read once, every 0.1 s, and nothing was repeated whose mean could be taken (as in the "
+            "paper).",
             f"The two rectangles add up to a trapezoid: ±{half:.3f} bar holds 95 % of it, so that k = 2 is on the safe side.",
             "These errors are the same in all samples of a set-up: no averaging lowers them, and residuals do not show them. After the "
             "zero has been set before the step, they are errors of the gain.",
@@ -99,6 +103,7 @@ def uncertainty_section(
         ],
         "tables": [
             _budget_table(budget),
+            _coverage_table(budget),
             *([] if constants is None else [_parameter_table(f"Static constants of {opening} % opening", constants, names)]),
             _parameter_table(f"Entries of the tables of {opening} % opening", found, visited, note),
         ],
@@ -136,6 +141,29 @@ def _parameter_table(caption: str, found: ParameterUncertainty, names: Sequence[
         "rows": rows,
         "note": note,
     }
+
+
+def _coverage_table(budget: Budget) -> dict[str, Any]:
+    """Table 4: what c = 1, 2, 3 cover of a normal distribution, of the paper, and of the budget's trapezoid."""
+    rows = []
+    for c, paper in COVERAGE.items():
+        normal, own = 100 * math.erf(c / math.sqrt(2)), 100 * covered(budget, c)
+        rows.append([str(c), f"±{c}", paper, f"{normal:.2f} %", f"{c * budget.combined:.4f}", f"{own:.2f} %"])
+    return {
+        "caption": "Expansion coefficient c (the paper's table 4)",
+        "columns": ["c", "standard deviations", "paper", "normal distribution", "expanded [bar]", "this budget's trapezoid"],
+        "rows": rows,
+    }
+
+
+def covered(budget: Budget, c: float) -> float:
+    """What share +-c standard uncertainties hold of the sum of two rectangles of unequal width."""
+    wide, narrow = sorted((row["limit"] for row in budget.rows()), reverse=True)
+    reach = min(c * budget.combined, wide + narrow)
+    flat = wide - narrow
+    if reach <= flat:
+        return reach / wide
+    return 1.0 - (wide + narrow - reach) ** 2 / (4.0 * wide * narrow)
 
 
 def _budget_table(budget: Budget) -> dict[str, Any]:
