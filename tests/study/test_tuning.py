@@ -242,6 +242,8 @@ def test_sentences_say_whether_it_paid():
     assert better.pays
     assert "times lower than the default" in better.sentence
     assert better.sentence.endswith("use it.")
+    slight = told(contest(runs(1.0 + 1e-4 * low / high.max()), runs(1.002 + 1e-4 * high / high.max()), 100, 1))
+    assert "ends 0.2 % lower than the default (95 % interval 0.2 to 0.2" in slight.sentence
     assert "\ninertia = 0.5\n" in better.toml()
     assert not worse.pays
     assert "times higher" in worse.sentence

@@ -11,6 +11,7 @@ from plantfit.study.comparing.statistics import ratio_interval
 
 TIE = 1e-6  # costs this near, relatively, count as equal; evaluations then decide
 LEVEL = 0.05
+SLIGHT = 1.05  # ratio of costs below which a difference is told in percent
 SMALLEST = 1e-300
 
 
@@ -160,7 +161,9 @@ def _verdict(method: str, c: Contest) -> str:
     elif np.isfinite(c.ratio):
         how, many = ("lower", c.ratio) if c.ratio > 1 else ("higher", 1 / c.ratio)
         low, high = c.ratio_interval if c.ratio > 1 else (1 / c.ratio_interval[1], 1 / c.ratio_interval[0])
-        outcome = f"ends {_times(many)} times {how} than the default (95 % interval {_times(low)} to {_times(high)}, {share})"
+        size = "{} % {}" if many < SLIGHT else "{} times {}"
+        told = _percent if many < SLIGHT else _times
+        outcome = f"ends {size.format(told(many), how)} than the default (95 % interval {told(low)} to {told(high)}, {share})"
     else:
         outcome = f"ends at a median cost of {c.tuned_median:.4g}, the default at {c.default_median:.4g} ({share})"
     if c.pays:
@@ -168,6 +171,10 @@ def _verdict(method: str, c: Contest) -> str:
     if c.p < LEVEL:
         return f"Tuned {method} {outcome}: it was lucky in the search, keep the default."
     return f"No gain beyond chance: tuned {method} {outcome}; keep the default."
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * (ratio - 1):.2g}"
 
 
 def _times(ratio: float) -> str:
