@@ -124,6 +124,12 @@ def test_ignoring_jitter_would_be_far_worse():
     assert np.std(blind) > 20 * np.std(honest)
 
 
+def test_a_clock_that_rounds_does_not_scale_a_derivative():
+    true = np.arange(2000) * 0.0204
+    made = rec.differentiate(rec.from_arrays(np.round(true, 3), signals={"q": 3.0 * true}), "q", "w")
+    np.testing.assert_allclose(made["w"], 3.0, rtol=1e-4)
+
+
 def test_butterworth_asks_for_a_grid_from_the_real_time_stamps():
     r = rec.from_arrays(uneven(), signals={"q": np.sin(uneven())})
     with pytest.raises(RecordingError, match=r"resample\(recording"):
