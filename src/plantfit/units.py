@@ -53,12 +53,16 @@ _SPELLINGS = (
     (r"(?<=[A-Za-z])\.(?=[A-Za-z])", "*"),
     (r"\b(mm|cm|dm|m|km|ms|s|min|rad|deg|A|K)(-?[1-4])(?![\d.])", r"\1**\2"),
     (r"^\s*/", "1/"),
+    (r"\bRPM\b|\bRpm\b|^\s*[Uu]pm\s*$|^\s*UPM\s*$", "rpm"),
+    (r"^\s*(U|tr|r)\s*/\s*(?=(min|s)\s*$)", "turn/"),  # Umdrehungen, tours, revolutions
+    (r"\brev\b", "turn"),
 )
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
+_COUNTED = ("count", "pwm", "tick", "pulse", "lsb")
 _COMMON = (
     *("s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "ohm", "kohm", "W", "kW", "J", "N", "N*m", "m", "mm", "kg", "g"),
     *("rad", "deg", "rad/s", "deg/s", "rpm", "Hz", "degC", "K", "%", "bar", "mbar", "Pa", "kPa", "l/min", "m^3/h", "PWM", "counts"),
@@ -215,8 +219,8 @@ def compatible(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
 def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:
     """(factor, offset) with value_in_target = factor * value_in_source + offset.
 
-    Raises UnitError for different dimensions, between Hz and angles per time, where 1 Hz
-    could be 1 rad/s or one turn per second, and between a temperature and a difference of temperatures.
+    Raises UnitError for different dimensions, between Hz, 1/min or counts and angles, where 1 Hz could be 1 rad/s or one turn per
+    second and nobody says how many counts a turn has, and between a temperature and a difference of temperatures.
     """
     a, b = parse(source), parse(target)
     if a == b and str(a) == str(b):
@@ -227,10 +231,7 @@ def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple
             f"({b.dimensionality or 'dimensionless'}); name the unit that the values really have."
         )
     if _cycles_against_angle(a, b):
-        raise UnitError(
-            f"The units {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; "
-            "write 'turn/s' instead of 'Hz' if a cycle is one turn."
-        )
+        raise UnitError(f"The units {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; {turns_said(a, b)}.")
     convert_units = registry().convert
     if (_has_offset(a) and is_difference(b)) or (is_difference(a) and _has_offset(b)):
         raise UnitError(
@@ -334,7 +335,9 @@ def quotient(above: str, below: str) -> str:
     up, down = ("" if unit.strip() in DIMENSIONLESS else unit.strip() for unit in (above, below))
     if not down:
         return up or "1"
-    up, down = (f"({unit})" if re.search(signs, unit) else unit for unit, signs in ((up, r"/"), (down, r"[/* ]")))
+    # all of a product stands below the line, however it is written: N·m, N.m, and kgm^2 for kg*m^2
+    product = re.search(r"[/* ]", down) or re.search(r"(?<!\*)\*(?!\*)", _spell(down))
+    up, down = f"({up})" if "/" in up else up, f"({down})" if product else down
     return f"{up or '1'}/{down}"
 
 
@@ -346,11 +349,25 @@ def _difference(unit: "pint.Unit") -> "pint.Unit":
     return registry().Unit(f"delta_{unit}") if _has_offset(unit) else unit
 
 
-def _cycles_against_angle(a: "pint.Unit", b: "pint.Unit") -> bool:
-    def cycles(unit: "pint.Unit") -> bool:
-        return any(name.endswith("hertz") for name in unit._units)
+def turns_said(a: "str | pint.Unit", b: "str | pint.Unit") -> str:
+    """What to write in place of two units that are not compatible because one of them does not say what part of a turn it counts."""
+    named = {*parse(a)._units, *parse(b)._units}
+    if any(name.endswith("hertz") for name in named):
+        return "write 'turn/s' instead of 'Hz' if a cycle is one turn"
+    if any(name in _COUNTED for name in named):
+        return "make an angle of the counts first (counts_to_angle, or a constant such as '0.001 rad/count')"
+    return "write 'rpm' instead of '1/min' if turns are counted"
 
+
+def _cycles_against_angle(a: "pint.Unit", b: "pint.Unit") -> bool:
     def angle(unit: "pint.Unit") -> bool:
         return any(name.endswith(_ANGLES) for name in unit._units)
 
-    return (cycles(a) and angle(b)) or (cycles(b) and angle(a))
+    def cycles(unit: "pint.Unit") -> bool:
+        return any(name.endswith("hertz") for name in unit._units)
+
+    def counted(unit: "pint.Unit") -> bool:
+        # speeds of machines are written in 1/min where turns are meant (DIN), and counts are those of an encoder
+        return not angle(unit) and any(name in _COUNTED or name == "minute" for name in unit._units)
+
+    return any((cycles(one) or counted(one)) and angle(other) and not counted(other) for one, other in ((a, b), (b, a)))

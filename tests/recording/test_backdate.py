@@ -29,6 +29,16 @@ def test_the_mean_of_a_line_over_a_window_is_the_line_half_a_window_before():
     assert "98 samples of 'mean' were moved back by 0.15 s" in back.log[-1]
 
 
+@pytest.mark.parametrize("periods", [1, 3, 7])
+def test_whole_periods_back_are_samples_again_and_not_times_just_before_them(periods):
+    t = 0.2 + np.arange(100) * 0.01
+    u = np.random.default_rng(1).standard_normal(100)
+    late = np.concatenate([np.full(periods, np.nan), u[:-periods]])
+    back = rec.backdate(Recording(t, {"y": Signal(late), "u": Signal(u)}, "run"), "y", periods * 0.01, hold=["u"])
+    np.testing.assert_array_equal(back.t, t)
+    np.testing.assert_array_equal(back["y"][: 100 - periods], back["u"][: 100 - periods])
+
+
 def test_each_sample_may_have_a_delay_of_its_own():
     t = np.arange(4.0)
     y = np.array([0.0, 1.0, 2.0, np.nan])

@@ -210,3 +210,19 @@ def test_of_many_marked_samples_it_is_the_nearest_step_and_says_how_many_it_take
     step, taken = step_without("q", values, t, marked)
     assert step["step"] == "drop_outliers"
     assert taken < 150
+
+
+@pytest.mark.parametrize("factor", [3, 10, 100, 500])
+def test_a_coarser_grid_keeps_a_line_up_to_both_ends(factor):
+    t = np.arange(10_001) * 0.001
+    made = rec.decimate(rec.from_arrays(t, signals={"x": 3.0 * t + 1.0}), factor)
+    np.testing.assert_allclose(made["x"], 3.0 * made.t + 1.0, rtol=0, atol=3.0 * 2e-3 * 0.001 * factor)  # of a step of the new grid
+
+
+@pytest.mark.parametrize(("cutoff", "order"), [(0.2, 2), (1.0, 1), (1.0, 4), (20.0, 2)])
+def test_a_zero_phase_lowpass_keeps_a_line_and_its_slope_up_to_both_ends(cutoff, order):
+    t = np.arange(10_001) * 0.001
+    r = rec.from_arrays(t, signals={"x": 3.0 * t + 1.0})
+    np.testing.assert_allclose(rec.lowpass(r, "x", cutoff, order=order)["x"], r["x"], rtol=0, atol=2e-4 / cutoff)
+    slope = rec.differentiate(r, "x", "v", method="butterworth", cutoff=cutoff, order=order)["v"]
+    np.testing.assert_allclose(slope, 3.0, rtol=0, atol=5e-3)

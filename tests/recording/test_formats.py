@@ -71,6 +71,11 @@ def test_dates_count_from_the_first():
     np.testing.assert_array_equal(rec.from_frame(pl.DataFrame({"when": stamps, "u": [1, 2]})).t, [0, 0.5])
 
 
+def test_clock_readings_of_a_frame_go_on_past_midnight():
+    times = [datetime.time(23, 59, 58), datetime.time(23, 59, 59, 500_000), datetime.time(0, 0, 1)]
+    np.testing.assert_array_equal(rec.from_frame(pl.DataFrame({"time": times, "u": [1, 2, 3]})).t, [0, 1.5, 3.0])
+
+
 def test_matlab_73_is_named(tmp_path):
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600))
     with pytest.raises(RecordingError, match="-v7"):

@@ -17,7 +17,8 @@ from plantfit.errors import UnitError
         ("°C", "degC"), ("deg C", "degC"), ("°/s", "deg/s"), ("Nm", "N*m"), ("N m", "N*m"), ("mNm", "mN*m"), ("kg m^2", "kg*m**2"),
         ("kg·m²", "kg*m**2"), ("kgm²", "kg*m**2"), ("kg.m^2", "kg*m**2"), ("Ω", "ohm"), ("kOhm", "kohm"), ("µV", "uV"),
         ("V s/rad", "V*s/rad"), ("Vs/rad", "V*s/rad"), ("s⁻¹", "1/s"), ("s-1", "1/s"), ("/s", "1/s"), ("m3/h", "m**3/h"),
-        ("-", "1"), ("", "1"), ("sec", "s"), ("counts", "count"),
+        ("-", "1"), ("", "1"), ("sec", "s"), ("counts", "count"), ("RPM", "rpm"), ("Rpm", "rpm"), ("U/min", "rpm"), ("tr/min", "rpm"),
+        ("rev/min", "rpm"), ("r/min", "rpm"), ("rev/s", "turn/s"), ("V/RPM", "V/rpm"),
     ],
 )  # fmt: skip
 def test_spellings_mean_the_same(spelling, plain):
@@ -50,7 +51,19 @@ def test_close_match_is_named():
         units.parse("rmp")
 
 
-@pytest.mark.parametrize(("a", "b"), [("V", "A"), ("Hz", "rad/s"), ("rpm", "Hz"), ("degC", "degC/s")])
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("V", "A"),
+        ("Hz", "rad/s"),
+        ("rpm", "Hz"),
+        ("degC", "degC/s"),
+        ("1/min", "rad/s"),
+        ("min-1", "rpm"),
+        ("counts", "rad"),
+        ("tick/s", "rpm"),
+    ],
+)
 def test_incompatible(a, b):
     assert not units.compatible(a, b)
     with pytest.raises(UnitError):
@@ -60,3 +73,24 @@ def test_incompatible(a, b):
 def test_import_does_not_build_the_registry():
     code = "import sys, plantfit.units; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [("rad/s", "1/s"), ("rpm", "turn/s"), ("l/min", "m^3/s"), ("counts", "1"), ("counts/turn", "1/rad"), ("%/min", "1/s")]
+)
+def test_what_says_its_turns_or_has_none_is_converted(a, b):
+    assert units.compatible(a, b)
+
+
+def test_a_refusal_says_how_turns_are_written():
+    with pytest.raises(UnitError, match="write 'rpm' instead of '1/min'"):
+        units.factor_offset("1/min", "rad/s")
+    with pytest.raises(UnitError, match="counts_to_angle"):
+        units.factor_offset("counts", "rad")
+
+
+@pytest.mark.parametrize("below", ["N*m", "N m", "N·m", "N⋅m", "N.m", "kgm^2", "kg m^2", "V/A", "K", "m^2", "1/s"])
+def test_a_quotient_has_all_of_the_unit_below_its_line(below):
+    found = units.parse(units.quotient("rad/s", below))
+    assert found.dimensionality == (units.parse("rad/s") / units.parse(below)).dimensionality
+    assert units.factor_offset(found * units.parse(below), "rad/s")[0] == pytest.approx(1.0, rel=1e-12)

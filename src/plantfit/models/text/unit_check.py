@@ -264,7 +264,7 @@ def _how(found: Unit, wanted: Unit) -> str:
     if not _plain(found / wanted):
         return "; these are different kinds of quantity, check the equation and the declared units"
     if _turns_against_radians(found, wanted):
-        return "; one cycle is 2 pi rad, so write 'turn/s' instead of 'Hz' and convert"
+        return f"; these do not say how many radians one of them is: {units.turns_said(found, wanted)}"
     if {_temperature(found), _temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
         sign = "+" if _temperature(wanted) == "absolute" else "-"
         return (

@@ -168,9 +168,10 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             log.append(f"{name}: differences in {have}, taken as they are for {unit}.")
             continue
         if not units.compatible(have, unit):
+            turns = units.dimension(have) == units.dimension(unit)
             raise UnitError(
                 f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be converted to the "
-                f"model's {unit!r}; correct one of them."
+                f"model's {unit!r}; {units.turns_said(have, unit) if turns else 'correct one of them'}."
             )
         factor, offset = units.factor_offset(have, unit)
         if factor != 1.0 or offset != 0.0:

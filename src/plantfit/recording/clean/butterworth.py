@@ -6,6 +6,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 from plantfit.errors import RecordingError
 from plantfit.recording.clean.sampling import by_stretch, require_positive
 
+FORGOTTEN = 1e-4
+
 
 def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal: bool, step: str) -> np.ndarray:
     """Values (n,) through a Butterworth low-pass, stretch by stretch."""
@@ -19,5 +21,20 @@ def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal:
     if causal:
         # starts in the steady state of the first sample, so that there is no jump from 0
         return by_stretch(values, 1, lambda part, _: sosfilt(sections, part, zi=sosfilt_zi(sections) * part[0])[0])
-    pad = 3 * (2 * len(sections) + 1)
-    return by_stretch(values, pad + 1, lambda part, _: sosfiltfilt(sections, part, padlen=pad))
+    shortest = 3 * (2 * len(sections) + 1)
+    memory = _memory(order, cutoff * period)
+
+    def both_ways(part: np.ndarray, _: slice) -> np.ndarray:
+        # beyond both ends the signal goes on, turned about its end, for as long as the filter remembers: it begins there at rest
+        return np.asarray(sosfiltfilt(sections, part, padlen=min(max(shortest, memory), len(part) - 1)))
+
+    return by_stretch(values, shortest + 1, both_ways)
+
+
+def _memory(order: int, cutoff: float) -> int:
+    """Samples after which the slowest pole of a Butterworth filter has forgotten all but `FORGOTTEN`; `cutoff` in periods of a sample."""
+    warped = 2 * np.tan(np.pi * cutoff)  # as the bilinear transform has it
+    slowest = warped * np.sin(np.pi / (2 * order))
+    wave = np.sqrt(max(warped**2 - slowest**2, 0.0))
+    pole = (2 + complex(-slowest, wave)) / (2 - complex(-slowest, wave))
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(abs(pole)))) if 0 < abs(pole) < 1 else 0

@@ -8,6 +8,8 @@ from plantfit.errors import RecordingError
 from plantfit.recording.readers.columns import close_match
 from plantfit.recording.record import Recording, Signal
 
+_MEAN = 1e-6  # share of the median step by which the mean may differ, for its rounding
+
 
 def period_of(recording: Recording) -> float:
     """The median step in seconds; raises RecordingError for fewer than two samples."""
@@ -17,7 +19,10 @@ def period_of(recording: Recording) -> float:
 
 
 def uniform_period(recording: Recording, step: str) -> float:
-    """The period of a recording whose steps differ by less than a tenth; raises RecordingError otherwise."""
+    """The period of a recording whose steps differ by less than a tenth; raises RecordingError otherwise.
+
+    It is the mean step where that differs from the median: of a clock that rounds 20.4 ms to 20 and 21 ms the median is 20 ms.
+    """
     period = period_of(recording)
     steps = np.diff(recording.t)
     worst = int(np.argmax(np.abs(steps - period)))
@@ -27,7 +32,8 @@ def uniform_period(recording: Recording, step: str) -> float:
             f"instead of {period:g} s; resample it first (step resample, period = {period:g}; in Python resample(recording, "
             f"{period:g})), or cut it there."
         )
-    return period
+    mean = float(recording.t[-1] - recording.t[0]) / len(steps)
+    return mean if abs(mean - period) > _MEAN * period else period
 
 
 def signal_of(recording: Recording, name: str) -> Signal:

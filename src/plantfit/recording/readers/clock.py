@@ -20,6 +20,7 @@ _NAMES = re.compile(
     rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ ]({_UNITS}))$",
     re.IGNORECASE,
 )
+FAR = 1e11  # s since 1970, in the year 5138
 _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
 
 
@@ -109,10 +110,21 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
         unit, known_by = time_unit_of(column, time_unit)
     except UnitError as error:
         raise UnitError(f"{table.source}: {error}") from None
+    if known_by.startswith("assumed") and np.min(np.abs(values)) >= FAR:
+        _refuse_far(table, column, float(values[0]))
     factor, _ = factor_offset(unit, "s")
     # a division keeps 7 ms at 0.007 s to the last bit, a product does not
     values = values / round(1 / factor) if factor < 1 else values * factor
     return values, f"Time from {column.header!r} in {unit} ({known_by})."
+
+
+def _refuse_far(table: Table, column: Column, first: float) -> None:
+    """Numbers since 1970 of loggers are in ms, us or ns where they would be in the year 5000 in s."""
+    unit = "ms" if abs(first) < 1e14 else "us" if abs(first) < 1e17 else "ns"
+    raise UnitError(
+        f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, thousands of years in s; say its unit, "
+        f"as in time_unit = {unit!r} for {unit} since 1970."
+    )
 
 
 def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
@@ -136,6 +148,9 @@ def _from_temporal(table: Table, column: Column) -> np.ndarray:
             f"{table.source}: time column {column.header!r} holds dates before 1678 or after 2261; correct them, or give seconds."
         )
     nanoseconds = cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype).to_physical().cast(pl.Int64)
+    if cells.dtype == pl.Time:  # of a day, which may end
+        days = np.concatenate([[0], np.cumsum(np.diff(nanoseconds.to_numpy()) < -43_200_000_000_000)])
+        nanoseconds = nanoseconds + pl.Series(days * 86_400_000_000_000)
     ticks = {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(cells.dtype, "time_unit", None) or "ns"] if cells.dtype == pl.Duration else 1e9
     return (nanoseconds - nanoseconds[0]).to_numpy() / ticks
 

@@ -5,7 +5,7 @@ import polars as pl
 
 from plantfit.recording.readers.clock import guess_time
 from plantfit.recording.readers.columns import Table, named_columns
-from plantfit.recording.readers.numbers import casted, is_missing, mostly_numbers
+from plantfit.recording.readers.numbers import casted, is_missing, mostly_numbers, refuse_both_marks
 
 MOST = 100  # tags
 FEWEST = 3  # readings of each
@@ -38,6 +38,9 @@ def widened(table: Table) -> Table:
     rows, columns = np.array([place[m] for m in moments]), np.array([distinct.index(n) for n in names])
     if len(place) > TOGETHER * len(rows) or len({*zip(rows.tolist(), columns.tolist(), strict=True)}) < len(rows):
         return table
+    for column in (time, value):  # while their texts still stand side by side
+        if table.decimal == "auto" and casted(table, column.cells)[2]:
+            refuse_both_marks(table, column)
     wide = np.full((len(place), len(distinct)), np.nan)
     wide[rows, columns] = values
     first = np.unique(rows, return_index=True)[1]
@@ -45,4 +48,4 @@ def widened(table: Table) -> Table:
     places = None if table.places is None else np.asarray(table.places)[first]
     log = (*table.log, f"A long table: the {len(distinct)} tags of {tag.header!r} became columns.")
     named = named_columns([time.header, *distinct], cells, [time.unit, *[None] * len(distinct)])
-    return Table(table.source, named, places, table.place, "." if table.decimal == "auto" else table.decimal, True, log, table.left_out)
+    return Table(table.source, named, places, table.place, table.decimal, True, log, table.left_out)

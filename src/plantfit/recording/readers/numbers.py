@@ -69,7 +69,8 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
             f"correct that cell, empty it, or choose another column for {purpose}."
         )
     if comma and table.decimal == "auto":
-        _refuse_both_marks(table, column)
+        refuse_both_marks(table, column)
+        _refuse_thousands(table, column, values)
     log = [f"Column {column.header!r} was read with a decimal comma."] if comma else []
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # nothing is missing
@@ -86,7 +87,27 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
     return values, log
 
 
-def _refuse_both_marks(table: Table, comma: Column) -> None:
+def _refuse_thousands(table: Table, column: Column, values: np.ndarray) -> None:
+    """Where 1,000 follows 999, the comma parts thousands: then nothing is guessed either."""
+    text = clean_text(column.cells).drop_nulls()
+    with_comma = text.str.contains(",", literal=True)
+    grouped, plain = text.filter(with_comma), text.filter(~with_comma)
+    if not plain.str.contains(r"^[+-]?[1-9]\d\d$").any() or not grouped.str.contains(r"^[+-]?[1-9]\d{0,2},\d{3}$").all():
+        return
+    thousands = text.str.replace(",", "", literal=True).cast(pl.Float64, strict=False).drop_nulls().to_numpy()
+    if _sweeps(thousands) < _sweeps(values[np.isfinite(values)]):
+        raise RecordingError(
+            f"{table.source}: column {column.header!r} has {grouped[0]!r} beside whole numbers such as {plain[0]!r}, so that the comma may "
+            "part thousands; write its numbers without them, or give decimal=',' if it is a decimal comma."
+        )
+
+
+def _sweeps(values: np.ndarray) -> float:
+    """How often values (n,) run through their range."""
+    return float(np.sum(np.abs(np.diff(values))) / max(float(np.ptp(values)), 1e-300)) if len(values) else 0.0
+
+
+def refuse_both_marks(table: Table, comma: Column) -> None:
     """Where other columns have decimal points, a comma may part thousands: then nothing is guessed."""
     for other in table.columns:
         if other.cells.dtype == pl.String and other.cells.str.contains(r"^\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*$").any():

@@ -9,6 +9,8 @@ from plantfit.recording.clean.sampling import signal_of
 from plantfit.recording.record import Recording, Signal
 from plantfit.units import factor_offset
 
+_ROUNDING = 1e-9  # of a sampling period
+
 
 def backdate(recording: Recording, signal: str | Sequence[str], by: float | str, hold: Sequence[str] = ()) -> Recording:
     """Move the samples of a signal, or of several alike, `by` seconds back, or by the values of a signal of time, each by its own.
@@ -26,8 +28,9 @@ def backdate(recording: Recording, signal: str | Sequence[str], by: float | str,
     if np.any(wrong):
         at = int(np.argmax(wrong))
         raise RecordingError(f"{step}: the delay at {t[at]:g} s is {late[at]:g} s; give 0 or more wherever there is a value.")
-    there &= t - np.where(there, late, 0.0) >= t[0]
-    moved, place = np.unique(t[there] - late[there], return_index=True)  # of samples that meet in one time the first stays
+    then = _on_samples(t - np.where(there, late, 0.0), t)
+    there &= then >= t[0]
+    moved, place = np.unique(then[there], return_index=True)  # of samples that meet in one time the first stays
     times = np.union1d(t, moved)
     before = np.searchsorted(t, times, side="right") - 1
     signals = {}
@@ -43,6 +46,15 @@ def backdate(recording: Recording, signal: str | Sequence[str], by: float | str,
     whom = " and ".join(repr(name) for name in names)
     sentence = f"{len(moved)} samples of {whom} were moved back by {said}; {len(t)} times became {len(times)}."
     return Recording(times, signals, recording.name, (*recording.log, sentence))
+
+
+def _on_samples(times: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Times (n,) that miss one of t (m,) by rounding alone moved onto it: 0.3 s - 0.1 s is the sample at 0.2 s, and not one before it."""
+    if len(t) < 2:
+        return times
+    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    near = np.where(times - t[after - 1] < t[after] - times, t[after - 1], t[after])
+    return np.where(np.abs(times - near) <= _ROUNDING * float(np.median(np.diff(t))), near, times)
 
 
 def _delays(recording: Recording, by: float | str, step: str) -> tuple[np.ndarray, str]:
