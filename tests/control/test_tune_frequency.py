@@ -5,7 +5,7 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, LinearPlant, with_dead_time
-from plantfit.control.tune.frequency import continuous_response, frequencies, margins, pid_response, sampled_response
+from plantfit.control.tune.frequency import continuous_response, frequencies, margins, margins_in_search, pid_response, sampled_response
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.reduction import gain_of, integrators, reduced, step_response
 from plantfit.control.tune.rules import rule_gains
@@ -86,11 +86,24 @@ def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(mode
         found = margins(pid_response(gains, period, w)[None, :] * h, w, 1 + integrators(rest))
         assert bool(found.stable[0]) == (largest < 1.0), (gains, largest)
         kinds.add(largest < 1.0)
-        if largest < 1.0 and np.isfinite(found.gain[0]):  # at the gain margin a pole lies on the circle
+        if largest < 1.0:  # at the gain margin a pole lies on the circle
             g = found.gain[0]
+            assert np.isfinite(g)
             at = closed_poles(rest, Gains(g * gains.Kp, g * gains.Ki, g * gains.Kd, 1.0, 0.0, 0.1), period, dead)
             assert np.max(np.abs(at)) == pytest.approx(1.0, abs=2e-3)
     assert kinds == {True, False}
+
+
+@pytest.mark.parametrize("kp", [0.5, 1.0, 2.0])
+def test_a_lag_without_dead_time_has_its_gain_margin_at_half_the_sampling_frequency(kp):
+    """kp (1 - a)/(z - a), a = e^-1, reaches the negative axis at z = -1 alone and crosses it nowhere: (1 + a)/(kp (1 - a)), 1.08 for 2."""
+    rest, a = rest_of(LAG, K=1.0, tau=1.0, L=0.0), np.exp(-1.0)
+    w = frequencies(1.0, 1.0, 1200)
+    loop = pid_response(Gains(kp), 1.0, w)[None, :] * sampled_response(rest, 1.0, w)
+    found, truth = margins(loop, w, 0), (1 + a) / (kp * (1 - a))
+    assert found.stable[0]
+    assert found.gain[0] == pytest.approx(truth, rel=1e-9)
+    assert float(margins_in_search(loop)[0][0]) == pytest.approx(truth, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from plantfit.control.tune.one_loop import Rest
 import jax.numpy as jnp
 
 ROUNDING = 1e-9  # of a sample
+NOTHING = 1e-9  # size of an open loop that counts as 0
 
 
 class Margins(NamedTuple):
@@ -99,12 +100,15 @@ def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
 
 
 def margins_in_search(loop: Any) -> tuple[Any, Any]:
-    """Gain margin (a factor) and phase margin (deg) of open loops (..., F), large without a crossing; jax-traceable, on the grid alone."""
+    """Gain margin (a factor) and phase margin (deg) of open loops (..., F) up to half the sampling frequency, large without a crossing;
+    jax-traceable, on the grid alone."""
     a, b = loop[..., :-1], loop[..., 1:]
     part = a.imag / jnp.where(a.imag == b.imag, 1.0, a.imag - b.imag)
     real = a.real + part * (b.real - a.real)
     crossed = (a.imag * b.imag <= 0) & (a.imag != b.imag) & (real < 0) & (real > -1)
-    gain = 1.0 / jnp.max(jnp.where(crossed, -real, 1e-9), axis=-1)
+    last = -loop[..., -1].real  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    at_last = jnp.where((last > 0) & (last < 1), last, NOTHING)
+    gain = 1.0 / jnp.maximum(jnp.max(jnp.where(crossed, -real, NOTHING), axis=-1), at_last)
     low, high = jnp.log(jnp.abs(a)), jnp.log(jnp.abs(b))
     share = low / jnp.where(low == high, 1.0, low - high)
     near = a + share * (b - a)
@@ -161,14 +165,16 @@ def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0
     outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
+    last = np.real(loop[:, -1])  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
     for i in range(len(loop)):
+        factors = -1.0 / last[i : i + 1][last[i : i + 1] < -NOTHING]
         turns = np.floor((angle[i] + np.pi) / (2 * np.pi))  # changes where the angle passes an odd multiple of pi
         at = np.flatnonzero(turns[1:] != turns[:-1])
         if len(at):
             line = (np.maximum(turns[at], turns[at + 1]) * 2 - 1) * np.pi
             part = (line - angle[i, at]) / (angle[i, at + 1] - angle[i, at])
-            factors = np.exp(-(size[i, at] + part * (size[i, at + 1] - size[i, at])))
-            gain[i] = np.min(factors[factors > 1.0], initial=np.inf) if outside[i] == 0 else np.min(factors)
+            factors = np.append(factors, np.exp(-(size[i, at] + part * (size[i, at + 1] - size[i, at]))))
+        gain[i] = np.min(factors[factors > 1.0] if outside[i] == 0 else factors, initial=np.inf)
         at = np.flatnonzero((size[i, 1:] <= 0) != (size[i, :-1] <= 0))
         if len(at):
             part = -size[i, at] / (size[i, at + 1] - size[i, at])
