@@ -7,7 +7,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, LinearPlant, with_dead_time
 from plantfit.control.tune.frequency import continuous_response, frequencies, margins, margins_in_search, pid_response, sampled_response
 from plantfit.control.tune.one_loop import OneLoop
-from plantfit.control.tune.reduction import gain_of, integrators, reduced, step_response
+from plantfit.control.tune.plant_checks import sign_of
+from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, step_response
 from plantfit.control.tune.rules import rule_gains
 from plantfit.models.text.equations import equations
 
@@ -92,6 +93,25 @@ def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(mode
             at = closed_poles(rest, Gains(g * gains.Kp, g * gains.Ki, g * gains.Kd, 1.0, 0.0, 0.1), period, dead)
             assert np.max(np.abs(at)) == pytest.approx(1.0, abs=2e-3)
     assert kinds == {True, False}
+
+
+def test_plants_that_the_data_leave_unstable_are_counted_by_poles_of_their_own():
+    """x' = a x + u behind a lag: a PI holds it whatever the sign of a, whose best fit is below 0; poles of the loops tell which."""
+    drift = equations(
+        "x' = a*x + u\nv' = (x - v)/b\nz = v", inputs=["u"], states=["x", "v"], outputs=["z"], parameters=["a", "b"], name="d"
+    )
+    rates = np.array([-0.1, 0.1, 0.3, 0.0, -1e-6, 1e-6, -1e-4, 1e-4, 0.01])
+    rest, period, kinds = rest_of(drift, a=rates, b=np.full(9, 0.3)), 0.1, []
+    w = frequencies(period, 10.0, 1200)
+    h, (count, outside) = sampled_response(rest, period, w), open_poles(rest, w[0])
+    for kp, ki in ((0.05, 0.001), (0.2, 0.01), (1.0, 0.1), (5.0, 2.0), (40.0, 4.0)):
+        found = margins(pid_response(Gains(kp, ki), period, w)[None, :] * h, w, 1 + count, outside)
+        each = [type(rest)(*(v[i : i + 1] for v in vars(rest).values())) for i in range(9)]
+        truth = [np.max(np.abs(closed_poles(one, Gains(kp, ki, 0.0), period, 0.0))) < 1.0 for one in each]
+        assert found.stable.tolist() == truth, (kp, ki)
+        kinds += [(bool(a > 0), bool(held)) for a, held in zip(rates, truth, strict=True)]
+    assert len(set(kinds)) == 4
+    assert not np.any(sign_of(rest)[1])
 
 
 @pytest.mark.parametrize("kp", [0.5, 1.0, 2.0])

@@ -135,7 +135,7 @@ def noise_at_input(c: Any, s: Any, weights: Any, noise: Any, xp: Any = np) -> An
     return xp.sqrt(xp.sum(xp.sum(xp.abs(c * noise[:, None]) ** 2, axis=0) * xp.abs(s) ** 2 * weights, axis=-1))
 
 
-def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
+def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0) -> Margins:
     """`Margins` of a controller on plants; of a cascade the worse of those at the input and at the outer output."""
     found = margins(open_loop(c, h), w, integrators, unstable)
     if c.ndim == 1:
@@ -145,20 +145,21 @@ def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: int, 
     return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
-def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
+def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0) -> Margins:
     """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
-    `integrators` at 1 and `unstable` ones outside.
+    `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
 
     On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for each unstable pole
     if the closed loop is stable, and by pi less for each pole outside (the argument principle: closed over open characteristic
     polynomial).
     """
+    integrators = np.broadcast_to(integrators, len(loop))
     distance = np.abs(1.0 + loop)
     with np.errstate(all="ignore"):
         ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
     turned = np.unwrap(np.angle(1.0 + loop), axis=1)
     # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
-    far = loop[:, 0] if integrators else 1.0 + loop[:, 0]
+    far = np.where(integrators > 0, loop[:, 0], 1.0 + loop[:, 0])
     behind = np.where(np.real(far * 1j**integrators) < 0, np.pi, 0.0)
     begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
     begin = (begin + np.pi) % (2 * np.pi) - np.pi
