@@ -12,7 +12,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from exported_plants import same, series
+from exported_plants import answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
@@ -106,6 +106,21 @@ def test_python_control_simulates_the_linear_plant(heater, tmp_path):
     assert isinstance(pade, control.StateSpace)
     np.testing.assert_allclose(pade(1j * w), g, rtol=1e-6)  # what is stated of a Pade fraction up to 1 rad/s at this dead time
     assert json.loads(data.read_text())["paths"][0]["delay"] == pytest.approx(v["L"])
+
+
+@pytest.mark.parametrize("dead", [1.0, 1.37])
+def test_an_output_that_reads_the_late_input_itself_follows_it_in_the_matrices(dead, tmp_path):
+    pytest.importorskip("control", reason="python-control is not installed: the exported matrices are not run")
+    text = "x' = (K*delay(u, L) - x)/tau\nz = x + 0.5*delay(u, L)"
+    answer = answered(text, {"K": 2.0, "tau": 3.0, "L": dead}, ["x"], ["z"], 47.5)
+    module, plain = (loaded(export_plant(answer, to, tmp_path)[0]) for to in ("control", "python"))
+    v, w = answer.values, np.geomspace(1e-2, 3.0, 20)
+    truth = np.exp(-1j * w * v["L"]) * (v["K"] / (1 + 1j * w * v["tau"]) + 0.5)
+    np.testing.assert_allclose(module.frequency_response(w), truth, rtol=1e-9)
+    t = np.arange(0.0, 40.0, 0.3)
+    u = np.where(np.arange(len(t)) // 10 % 2 == 0, 1.0, -0.5)
+    y = plain.simulate(t, {"u": u}, x0={"x": module.X0[0]}, before={"u": module.U0})["z"]
+    np.testing.assert_allclose(module.simulate(t, u), y, atol=1e-7 * np.ptp(y))
 
 
 def test_matlab_files_hold_the_matrices(heater, tmp_path):
