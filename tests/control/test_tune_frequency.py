@@ -10,6 +10,7 @@ from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import sign_of
 from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, step_response
 from plantfit.control.tune.rules import rule_gains
+from plantfit.control.tune.told import _phase
 from plantfit.models.text.equations import equations
 
 LAG = equations("y' = (K*delay(u, L) - y)/tau\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "tau", "L"], name="lag")
@@ -93,6 +94,15 @@ def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(mode
             at = closed_poles(rest, Gains(g * gains.Kp, g * gains.Ki, g * gains.Kd, 1.0, 0.0, 0.1), period, dead)
             assert np.max(np.abs(at)) == pytest.approx(1.0, abs=2e-3)
     assert kinds == {True, False}
+
+
+@pytest.mark.parametrize("dead", [0.0, 20.0, 150.0, 400.0])
+def test_the_phase_of_a_loop_with_a_long_dead_time_has_no_jumps(dead):
+    """A lag under a PI every second: its phase is that without dead time less w L, 68,000 degrees at 400 samples."""
+    w, gains = frequencies(1.0, 50.0 + dead, 1200), Gains(0.2, 0.004)
+    late, plain = (pid_response(gains, 1.0, w)[None] * sampled_response(rest_of(LAG, K=1.0, tau=50.0, L=v), 1.0, w) for v in (dead, 0.0))
+    truth = np.degrees(np.unwrap(np.angle(plain[0])) - w * dead)
+    np.testing.assert_allclose(_phase(late, w, np.array([dead]))[0], truth, atol=1e-6)
 
 
 def test_plants_that_the_data_leave_unstable_are_counted_by_poles_of_their_own():
