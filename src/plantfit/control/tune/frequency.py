@@ -140,18 +140,18 @@ def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, 
     found = margins(open_loop(c, h), w, integrators, unstable)
     if c.ndim == 1:
         return found
-    outside = margins(outer_loop(c, h), w, 0)  # its encirclements say nothing: poles of the inner loop are not known here
+    outside = margins(outer_loop(c, h), w, 0, held=found.stable)  # its encirclements say nothing: poles of the inner loop are not known
     smaller = [np.where(found.stable, np.minimum(a, np.abs(b)), a) for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))]
     return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
-def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0) -> Margins:
+def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0, held: np.ndarray | None = None) -> Margins:
     """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
     `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
 
     On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for each unstable pole
     if the closed loop is stable, and by pi less for each pole outside (the argument principle: closed over open characteristic
-    polynomial).
+    polynomial). `held` (n,) says which closed loops are stable where that is known otherwise.
     """
     integrators = np.broadcast_to(integrators, len(loop))
     distance = np.abs(1.0 + loop)
@@ -164,6 +164,7 @@ def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0
     begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
     begin = (begin + np.pi) % (2 * np.pi) - np.pi
     outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
+    outside = outside if held is None else np.where(held, 0, 1)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
     last = np.real(loop[:, -1])  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
