@@ -4,6 +4,7 @@ import ast
 import ctypes
 import importlib.util
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -12,11 +13,16 @@ import zipfile
 
 import numpy as np
 import pytest
-from exported_plants import same, series
+from exported_plants import answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
+from plantfit.bridges.straight_line import straight_line
 from plantfit.errors import ModelError, SimulationError, StoreError
+from plantfit.models.model import Declared
+from plantfit.simulate.steps.vector import vectorise
+
+import jax.numpy as jnp
 
 
 def loaded(path):
@@ -106,6 +112,45 @@ def test_python_control_simulates_the_linear_plant(heater, tmp_path):
     assert isinstance(pade, control.StateSpace)
     np.testing.assert_allclose(pade(1j * w), g, rtol=1e-6)  # what is stated of a Pade fraction up to 1 rad/s at this dead time
     assert json.loads(data.read_text())["paths"][0]["delay"] == pytest.approx(v["L"])
+
+
+@pytest.mark.parametrize("u", [-2.6, 0.4, 1.4, 2.3])
+def test_truths_add_up_as_numbers_and_whole_numbers_lose_their_places(u):
+    def steps(x, u, p):
+        over = [jnp.asarray(u["u"] > level, float) for level in (0.0, 1.0, 2.0)]
+        whole = jnp.asarray(p["k"] * u["u"]).astype(int)
+        return {"x": over[0] + over[1] - over[2] + whole * 1.0}
+
+    declared = (Declared("k", None, (0.0, 5.0)),)
+    model = pf.Model("steps", {"x": None}, {"u": None}, {"y": None}, declared, lambda x, u, p: {"y": x["x"]}, steps)
+    vector, names = vectorise(model), (["x"], ["u", "t"], ["p"])
+    truth = (u > 0) + (u > 1) - (u > 2) + math.trunc(1.7 * u)
+    assert float(vector.rate((0.0,), (u, 0.0), (1.7,))[0]) == truth
+    known = {"x": np.float64(0.0), "u": np.float64(u), "p": np.float64(1.7), "np": np}
+    for language in ("python", "casadi"):
+        if language == "casadi":
+            ca = pytest.importorskip("casadi", reason="casadi is not installed: its equations are not run")
+            known = {"x": ca.DM(0.0), "u": ca.DM(u), "p": ca.DM(1.7), "ca": ca}
+        lines = straight_line(vector, "rate", language, names)
+        own = dict(known)
+        exec(lines.text(""), own)
+        assert float(eval(lines.results[0], own)) == truth
+    assert "trunc(v" in straight_line(vector, "rate", "c", names).text("")
+
+
+@pytest.mark.parametrize("dead", [1.0, 1.37])
+def test_an_output_that_reads_the_late_input_itself_follows_it_in_the_matrices(dead, tmp_path):
+    pytest.importorskip("control", reason="python-control is not installed: the exported matrices are not run")
+    text = "x' = (K*delay(u, L) - x)/tau\nz = x + 0.5*delay(u, L)"
+    answer = answered(text, {"K": 2.0, "tau": 3.0, "L": dead}, ["x"], ["z"], 47.5)
+    module, plain = (loaded(export_plant(answer, to, tmp_path)[0]) for to in ("control", "python"))
+    v, w = answer.values, np.geomspace(1e-2, 3.0, 20)
+    truth = np.exp(-1j * w * v["L"]) * (v["K"] / (1 + 1j * w * v["tau"]) + 0.5)
+    np.testing.assert_allclose(module.frequency_response(w), truth, rtol=1e-9)
+    t = np.arange(0.0, 40.0, 0.3)
+    u = np.where(np.arange(len(t)) // 10 % 2 == 0, 1.0, -0.5)
+    y = plain.simulate(t, {"u": u}, x0={"x": module.X0[0]}, before={"u": module.U0})["z"]
+    np.testing.assert_allclose(module.simulate(t, u), y, atol=1e-7 * np.ptp(y))
 
 
 def test_matlab_files_hold_the_matrices(heater, tmp_path):

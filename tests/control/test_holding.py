@@ -10,7 +10,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.holding.design import designed, hold
 from plantfit.control.holding.linear_loop import controller_of, largest_sensitivity, near, poles
 from plantfit.control.holding.told import regulator, verdict
+from plantfit.control.linear.kalman import kalman_observer
 from plantfit.control.linear.linear_plant import linearised
+from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError
 from plantfit.findings.results.held_plant import HoldWishes
 from plantfit.models.text.equations import equations
@@ -59,6 +61,37 @@ def test_poles_are_those_of_one_sample_of_plant_and_controller(weights):
         one_plus = np.prod(z[:, None] - closed, axis=1) / np.prod(z[:, None] - opened, axis=1)
         truth = float(np.max(1.0 / np.abs(one_plus)))
         assert largest_sensitivity(linear, c, w, ASKED.period)[i] == pytest.approx(truth, rel=1e-5)
+
+
+def test_an_output_that_reads_the_input_is_part_of_the_loop():
+    """An accelerometer beside the angle: the force that the filter takes it to read is another one on another plant."""
+    plant = equations(
+        "x' = v\nv' = x - 0.2*v + k*u\na = x - 0.2*v + k*u\nz = x", inputs=["u"], states=["x", "v"], outputs=["a", "z"], parameters=["k"],
+        name="p",
+    )  # fmt: skip
+    period, force = 0.1, np.array([1.0, 1.02, 1.5])
+    best = linearised(plant, {"k": 1.0}, {"x": 0.0, "v": 0.0}, {"u": 0.0})
+    filter_ = kalman_observer(best, period, {"v": 1.0}, {"a": 0.05, "z": 0.05})
+    design = lqr(best, period, np.diag([1.0, 0.1]), {"u": 0.05}, estimator=filter_)
+    linear, c = near(plant, {"k": force}, np.zeros(2), np.zeros(1), period), controller_of(design.parameters)
+    w = np.geomspace(0.01, np.pi / period, 200)
+    z, found, ms = np.exp(1j * w * period), poles(linear, c), largest_sensitivity(linear, c, w, period)
+    start, back = ravel_pytree(design.controller.init({"a": jnp.zeros(()), "z": jnp.zeros(())}, design.parameters))
+    for i, k in enumerate(force):
+        a, b, seen = linear.A[i], linear.B[i], linear.C[i]
+
+        def moved(s, opened=1.0, a=a, b=b, seen=seen, k=k):
+            y = seen @ s[:2] + jnp.array([k, 0.0]) * s[2]
+            state, u = design.controller.update(back(s[3:]), {"a": y[0], "z": y[1]}, {}, design.parameters)
+            acts = opened * jnp.reshape(u["u"], (1,))
+            return jnp.concatenate([a @ s[:2] + b @ acts, acts, ravel_pytree(state)[0]])
+
+        at = jnp.concatenate([jnp.zeros(3), jnp.zeros_like(start)])
+        closed, opened = (np.linalg.eigvals(np.asarray(jax.jacfwd(moved)(at, f))) for f in (1.0, 0.0))
+        assert found[i] == pytest.approx(np.max(np.abs(closed)), rel=1e-7)
+        one_plus = np.prod(z[:, None] - closed, axis=1) / np.prod(z[:, None] - opened, axis=1)
+        assert ms[i] == pytest.approx(float(np.max(1.0 / np.abs(one_plus))), rel=1e-5)
+    assert (found < 1.0).tolist() == [True, True, False]
 
 
 @pytest.fixture(scope="module")

@@ -106,6 +106,19 @@ def test_stability_is_that_of_the_poles_of_the_closed_loop(which):
     assert min(both) >= 15, both
 
 
+def test_the_gain_margin_of_an_outer_loop_that_needs_its_gain_is_the_factor_above_one():
+    """k (z - 0.95)^2/(z - 1)^3 outside, nothing inside: below a gain and above another it is unstable, and a pole tells the latter."""
+    w = np.geomspace(1e-4, np.pi, 4000)
+    z, numerator, denominator = np.exp(1j * w), 0.3 * np.r_[0.0, np.poly([0.95, 0.95])], np.poly([1.0, 1.0, 1.0])
+    loop = np.polyval(numerator, z) / np.polyval(denominator, z)
+    h = np.stack([loop, 0.0 * loop])[None]
+    found = loop_margins(np.stack([np.ones(4000), np.zeros(4000)]), h, w, 3)
+    assert found.stable[0]
+    assert found.gain[0] > 1.0
+    sizes = [np.max(np.abs(np.roots(denominator + found.gain[0] * share * numerator))) for share in (0.999, 1.001)]
+    assert sizes[0] < 1.0 < sizes[1]
+
+
 def test_it_begins_at_rest_and_the_inner_set_point_stays_within_its_ends():
     law = cascade(0.5, "clamping", "y", "v")
     given = (GAINS, 1.5, Limits(-1e3, 1e3, 0.0), Ends(1.0, 3.0))

@@ -5,10 +5,12 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, LinearPlant, with_dead_time
-from plantfit.control.tune.frequency import continuous_response, frequencies, margins, pid_response, sampled_response
+from plantfit.control.tune.frequency import continuous_response, frequencies, margins, margins_in_search, pid_response, sampled_response
 from plantfit.control.tune.one_loop import OneLoop
-from plantfit.control.tune.reduction import gain_of, integrators, reduced, step_response
+from plantfit.control.tune.plant_checks import sign_of
+from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, step_response
 from plantfit.control.tune.rules import rule_gains
+from plantfit.control.tune.told import _phase
 from plantfit.models.text.equations import equations
 
 LAG = equations("y' = (K*delay(u, L) - y)/tau\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "tau", "L"], name="lag")
@@ -86,11 +88,52 @@ def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(mode
         found = margins(pid_response(gains, period, w)[None, :] * h, w, 1 + integrators(rest))
         assert bool(found.stable[0]) == (largest < 1.0), (gains, largest)
         kinds.add(largest < 1.0)
-        if largest < 1.0 and np.isfinite(found.gain[0]):  # at the gain margin a pole lies on the circle
+        if largest < 1.0:  # at the gain margin a pole lies on the circle
             g = found.gain[0]
+            assert np.isfinite(g)
             at = closed_poles(rest, Gains(g * gains.Kp, g * gains.Ki, g * gains.Kd, 1.0, 0.0, 0.1), period, dead)
             assert np.max(np.abs(at)) == pytest.approx(1.0, abs=2e-3)
     assert kinds == {True, False}
+
+
+@pytest.mark.parametrize("dead", [0.0, 20.0, 150.0, 400.0])
+def test_the_phase_of_a_loop_with_a_long_dead_time_has_no_jumps(dead):
+    """A lag under a PI every second: its phase is that without dead time less w L, 68,000 degrees at 400 samples."""
+    w, gains = frequencies(1.0, 50.0 + dead, 1200), Gains(0.2, 0.004)
+    late, plain = (pid_response(gains, 1.0, w)[None] * sampled_response(rest_of(LAG, K=1.0, tau=50.0, L=v), 1.0, w) for v in (dead, 0.0))
+    truth = np.degrees(np.unwrap(np.angle(plain[0])) - w * dead)
+    np.testing.assert_allclose(_phase(late, w, np.array([dead]))[0], truth, atol=1e-6)
+
+
+def test_plants_that_the_data_leave_unstable_are_counted_by_poles_of_their_own():
+    """x' = a x + u behind a lag: a PI holds it whatever the sign of a, whose best fit is below 0; poles of the loops tell which."""
+    drift = equations(
+        "x' = a*x + u\nv' = (x - v)/b\nz = v", inputs=["u"], states=["x", "v"], outputs=["z"], parameters=["a", "b"], name="d"
+    )
+    rates = np.array([-0.1, 0.1, 0.3, 0.0, -1e-6, 1e-6, -1e-4, 1e-4, 0.01])
+    rest, period, kinds = rest_of(drift, a=rates, b=np.full(9, 0.3)), 0.1, []
+    w = frequencies(period, 10.0, 1200)
+    h, (count, outside) = sampled_response(rest, period, w), open_poles(rest, w[0])
+    for kp, ki in ((0.05, 0.001), (0.2, 0.01), (1.0, 0.1), (5.0, 2.0), (40.0, 4.0)):
+        found = margins(pid_response(Gains(kp, ki), period, w)[None, :] * h, w, 1 + count, outside)
+        each = [type(rest)(*(v[i : i + 1] for v in vars(rest).values())) for i in range(9)]
+        truth = [np.max(np.abs(closed_poles(one, Gains(kp, ki, 0.0), period, 0.0))) < 1.0 for one in each]
+        assert found.stable.tolist() == truth, (kp, ki)
+        kinds += [(bool(a > 0), bool(held)) for a, held in zip(rates, truth, strict=True)]
+    assert len(set(kinds)) == 4
+    assert not np.any(sign_of(rest)[1])
+
+
+@pytest.mark.parametrize("kp", [0.5, 1.0, 2.0])
+def test_a_lag_without_dead_time_has_its_gain_margin_at_half_the_sampling_frequency(kp):
+    """kp (1 - a)/(z - a), a = e^-1, reaches the negative axis at z = -1 alone and crosses it nowhere: (1 + a)/(kp (1 - a)), 1.08 for 2."""
+    rest, a = rest_of(LAG, K=1.0, tau=1.0, L=0.0), np.exp(-1.0)
+    w = frequencies(1.0, 1.0, 1200)
+    loop = pid_response(Gains(kp), 1.0, w)[None, :] * sampled_response(rest, 1.0, w)
+    found, truth = margins(loop, w, 0), (1 + a) / (kp * (1 - a))
+    assert found.stable[0]
+    assert found.gain[0] == pytest.approx(truth, rel=1e-9)
+    assert float(margins_in_search(loop)[0][0]) == pytest.approx(truth, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def simulate(t, u):
         x = np.zeros(len(a))
         moved = np.r_[np.zeros(whole + 1), u - U0]
         for k in range(len(t)):
-            y[k] += float((part.C @ x)[0] + part.D[0, 0] * moved[k + 1])
+            y[k] += float((part.C @ x)[0] + part.D[0, 0] * moved[k + (share == 0)])
             if sizes[1] is not None:  # the input of before acts until its edge
                 x = sizes[1].A @ x + sizes[1].B[:, 0] * moved[k]
             x = late.A @ x + late.B[:, 0] * moved[k + 1]

@@ -49,6 +49,7 @@ CASADI = COMMON | {n: f"ca.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
     "or": "ca.logic_or({0}, {1})", "not": "ca.logic_not({0})", "logistic": "1/(1 + ca.exp(-{0}))", "floor": "ca.floor({0})",
     "ceil": "ca.ceil({0})", "rsqrt": "1/ca.sqrt({0})", "exp2": "2.0**{0}", "log2": "ca.log({0})/ca.log(2.0)",
 }  # fmt: skip
+TRUNCATED = {"python": "np.trunc({0})", "c": "trunc({0})", "casadi": "ca.sign({0})*ca.floor(ca.fabs({0}))"}
 LANGUAGES = {"python": PYTHON, "c": C, "casadi": CASADI}
 
 
@@ -121,9 +122,19 @@ class _Writer:
     def expression(self, equation: Any, name: str, values: Sequence[str]) -> str:
         if name not in self.words or any(v.aval.size != 1 for v in (*equation.invars, *equation.outvars)):
             raise ModelError(_refusal(self.model, self.language, f"operations on arrays or tables ({name})"))
+        if name == "convert_element_type":
+            return self.converted(values[0], equation.invars[0].aval.dtype, equation.params["new_dtype"])
         if name == "select_n" and len(values) != 3:
             raise ModelError(_refusal(self.model, self.language, "choices of more than two"))
         return self.words[name].format(*values, y=equation.params.get("y"))
+
+    def converted(self, value: str, own: Any, wished: Any) -> str:
+        """A value in another type: truths of numpy add up as truths unless made numbers, and whole numbers lose their places."""
+        if np.issubdtype(own, np.bool_) and self.language == "python":
+            return f"float({value})"
+        if np.issubdtype(own, np.floating) and not np.issubdtype(wished, np.floating):
+            return f"({value} != 0.0)" if np.issubdtype(wished, np.bool_) else TRUNCATED[self.language].format(value)
+        return value
 
     def assigned(self, expression: str) -> str:
         name = f"v{len(self.assignments)}"

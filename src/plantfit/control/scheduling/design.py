@@ -15,7 +15,7 @@ from plantfit.control.tune.loop_design import FINE, ROBUST, LoopDesign, course_s
 from plantfit.control.tune.loop_scores import Judge, Limits, LoopScores, slewed
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import check_holds
-from plantfit.control.tune.reduction import integrators, reduced, slowest
+from plantfit.control.tune.reduction import open_poles, reduced, slowest
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError
@@ -81,9 +81,9 @@ def scheduled_loops(
         form = _form(design, schedule)
         judge = Judge.of(design.family, design.judge.start, design.course, wishes.quantum, form)
         w = frequencies(wishes.period, slowest(design.reduced), FINE)
-        h, poles = responses_of(design.family, design.rest, form, wishes.period, w), 1 + integrators(design.rest)
-        found = judged_on(judge, form, [schedule], h, w, design.wishes, poles)
-        alone = judged_on(design.judge, design.best.form, [d.best.gains for d in designs], h, w, design.wishes, poles)
+        h, (own, outside) = responses_of(design.family, design.rest, form, wishes.period, w), open_poles(design.rest, w[0])
+        found = judged_on(judge, form, [schedule], h, w, design.wishes, 1 + own, outside)
+        alone = judged_on(design.judge, design.best.form, [d.best.gains for d in designs], h, w, design.wishes, 1 + own, outside)
         kept = np.zeros((1 + len(chosen), family.count), bool)
         kept[:, design.rows_used] = np.concatenate([found.kept, alone.kept])
         everywhere &= kept[0]
@@ -92,7 +92,7 @@ def scheduled_loops(
         reports.append(LevelReport(float(chosen[k]), design.wishes.step, design.best.gains, share[0], np.array(share[1:]),
                                    float(found.scores.iae[0, 0])))  # fmt: skip
         if k == main:
-            first = form, judge, found, row_of(0, (ROBUST, form, schedule, "this search, at every level"), found, w, h[:1], poles)
+            first = form, judge, found, row_of(0, (ROBUST, form, schedule, "this search, at every level"), found, w, h[:1], 1 + int(own[0]))
     assert first is not None
     report = ScheduleReport(tuple(reports), float(np.mean(everywhere)), np.mean(singles, axis=1), _across(designs, schedule, wishes))
     return _with_schedule(designs[main], first, everywhere), report

@@ -11,6 +11,7 @@ from plantfit.control.tune.one_loop import Rest
 import jax.numpy as jnp
 
 ROUNDING = 1e-9  # of a sample
+NOTHING = 1e-9  # size of an open loop that counts as 0
 
 
 class Margins(NamedTuple):
@@ -99,12 +100,15 @@ def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
 
 
 def margins_in_search(loop: Any) -> tuple[Any, Any]:
-    """Gain margin (a factor) and phase margin (deg) of open loops (..., F), large without a crossing; jax-traceable, on the grid alone."""
+    """Gain margin (a factor) and phase margin (deg) of open loops (..., F) up to half the sampling frequency, large without a crossing;
+    jax-traceable, on the grid alone."""
     a, b = loop[..., :-1], loop[..., 1:]
     part = a.imag / jnp.where(a.imag == b.imag, 1.0, a.imag - b.imag)
     real = a.real + part * (b.real - a.real)
     crossed = (a.imag * b.imag <= 0) & (a.imag != b.imag) & (real < 0) & (real > -1)
-    gain = 1.0 / jnp.max(jnp.where(crossed, -real, 1e-9), axis=-1)
+    last = -loop[..., -1].real  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    at_last = jnp.where((last > 0) & (last < 1), last, NOTHING)
+    gain = 1.0 / jnp.maximum(jnp.max(jnp.where(crossed, -real, NOTHING), axis=-1), at_last)
     low, high = jnp.log(jnp.abs(a)), jnp.log(jnp.abs(b))
     share = low / jnp.where(low == high, 1.0, low - high)
     near = a + share * (b - a)
@@ -131,44 +135,48 @@ def noise_at_input(c: Any, s: Any, weights: Any, noise: Any, xp: Any = np) -> An
     return xp.sqrt(xp.sum(xp.sum(xp.abs(c * noise[:, None]) ** 2, axis=0) * xp.abs(s) ** 2 * weights, axis=-1))
 
 
-def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
+def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0) -> Margins:
     """`Margins` of a controller on plants; of a cascade the worse of those at the input and at the outer output."""
     found = margins(open_loop(c, h), w, integrators, unstable)
     if c.ndim == 1:
         return found
-    outside = margins(outer_loop(c, h), w, 0)  # its encirclements say nothing: poles of the inner loop are not known here
+    outside = margins(outer_loop(c, h), w, 0, held=found.stable)  # its encirclements say nothing: poles of the inner loop are not known
     smaller = [np.where(found.stable, np.minimum(a, np.abs(b)), a) for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))]
     return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
-def margins(loop: np.ndarray, w: np.ndarray, integrators: int, unstable: int = 0) -> Margins:
+def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0, held: np.ndarray | None = None) -> Margins:
     """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
-    `integrators` at 1 and `unstable` ones outside.
+    `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
 
     On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for each unstable pole
     if the closed loop is stable, and by pi less for each pole outside (the argument principle: closed over open characteristic
-    polynomial).
+    polynomial). `held` (n,) says which closed loops are stable where that is known otherwise.
     """
+    integrators = np.broadcast_to(integrators, len(loop))
     distance = np.abs(1.0 + loop)
     with np.errstate(all="ignore"):
         ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
     turned = np.unwrap(np.angle(1.0 + loop), axis=1)
     # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
-    far = loop[:, 0] if integrators else 1.0 + loop[:, 0]
+    far = np.where(integrators > 0, loop[:, 0], 1.0 + loop[:, 0])
     behind = np.where(np.real(far * 1j**integrators) < 0, np.pi, 0.0)
     begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
     begin = (begin + np.pi) % (2 * np.pi) - np.pi
     outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
+    outside = outside if held is None else np.where(held, 0, 1)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
+    last = np.real(loop[:, -1])  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
     for i in range(len(loop)):
+        factors = -1.0 / last[i : i + 1][last[i : i + 1] < -NOTHING]
         turns = np.floor((angle[i] + np.pi) / (2 * np.pi))  # changes where the angle passes an odd multiple of pi
         at = np.flatnonzero(turns[1:] != turns[:-1])
         if len(at):
             line = (np.maximum(turns[at], turns[at + 1]) * 2 - 1) * np.pi
             part = (line - angle[i, at]) / (angle[i, at + 1] - angle[i, at])
-            factors = np.exp(-(size[i, at] + part * (size[i, at + 1] - size[i, at])))
-            gain[i] = np.min(factors[factors > 1.0], initial=np.inf) if outside[i] == 0 else np.min(factors)
+            factors = np.append(factors, np.exp(-(size[i, at] + part * (size[i, at + 1] - size[i, at]))))
+        gain[i] = np.min(factors[factors > 1.0] if outside[i] == 0 else factors, initial=np.inf)
         at = np.flatnonzero((size[i, 1:] <= 0) != (size[i, :-1] <= 0))
         if len(at):
             part = -size[i, at] / (size[i, at + 1] - size[i, at])

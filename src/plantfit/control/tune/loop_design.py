@@ -17,7 +17,7 @@ from plantfit.control.tune.frequency import frequencies, sampled_response
 from plantfit.control.tune.loop_scores import Judge, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
 from plantfit.control.tune.plant_checks import check_dead_time, check_holds, check_inner, check_reached, held_by_limits, sign_of, with_rest
-from plantfit.control.tune.reduction import Reduced, integrators, reduced, slowest
+from plantfit.control.tune.reduction import Reduced, open_poles, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.figures import figure, known_figures, sizes_of, weights_of
 from plantfit.control.tune.searching.front import Front, check_front, front_of
@@ -123,17 +123,16 @@ def tuned_loop(
     pid = pid_form(small, plants.sign, wishes, rules, plants.tracking)
     forms = [*_ahead_of_pid(plants.family, plants.rest, small, plants.sign, wishes, plants.tracking), pid]
     judges = {form.name: plants.judge(form, wishes) for form in forms}
-    slow, count = slowest(small), integrators(plants.rest)
-    w, fine = (frequencies(wishes.period, slow, number) for number in (COARSE, FINE))
+    w, fine = (frequencies(wishes.period, slowest(small), number) for number in (COARSE, FINE))
     alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
     simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
     sizes = sizes_of(simc, wishes, 0.5 * plants.course.seconds)
     named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
     named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
-    rows, found = _rows(plants, wishes, forms, judges, named, fine, count)
+    rows, found = _rows(plants, wishes, forms, judges, named, fine)
     drawn = None if line is None else _judged_front(
         line, judges[forms[0].name], forms[0], responses_of(plants.family, plants.rest, forms[0], wishes.period, fine), fine, wishes,
-        count + forms[0].integrators, pick,
+        open_poles(plants.rest, fine[0]), pick,
     )  # fmt: skip
     return LoopDesign(
         wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held, plants.right_sign,
@@ -248,19 +247,19 @@ def _searched(
 
 
 def _rows(
-    plants: _Plants, wishes: Wishes, forms: Sequence[Form], judges: Mapping[str, Judge], named: Sequence[_Named], w: np.ndarray, count: int
+    plants: _Plants, wishes: Wishes, forms: Sequence[Form], judges: Mapping[str, Judge], named: Sequence[_Named], w: np.ndarray
 ) -> tuple[tuple[Row, ...], Judged]:
-    """The table of all controllers on the fresh plants; `count` poles of every loop lie at 1."""
-    parts = []
+    """The table of all controllers on the fresh plants."""
+    parts, (count, outside) = [], open_poles(plants.rest, w[0])
     for form in forms:
         of_form = [one.parameters for one in named if one.form is form]
         h = responses_of(plants.family, plants.rest, form, wishes.period, w)
-        parts.append(judged_on(judges[form.name], form, of_form, h, w, wishes, count + form.integrators))
+        parts.append(judged_on(judges[form.name], form, of_form, h, w, wishes, count + form.integrators, outside))
     order = np.argsort([k for form in forms for k, one in enumerate(named) if one.form is form])
     found: Judged = jax.tree.map(lambda *arrays: np.concatenate(arrays)[order], *parts)
     alone = plants.family.part(np.array([0])), _part(plants.rest, np.array([0]))
     rows = tuple(
-        row_of(i, one, found, w, responses_of(*alone, one.form, wishes.period, w), count + one.form.integrators)
+        row_of(i, one, found, w, responses_of(*alone, one.form, wishes.period, w), int(count[0]) + one.form.integrators)
         for i, one in enumerate(named)
     )  # fmt: skip
     return rows, found
@@ -276,11 +275,13 @@ def _picked(line: Front, pick: int | None, robust: np.ndarray) -> tuple[np.ndarr
 
 
 def _judged_front(
-    line: Front, judge: Judge, form: Form, h: np.ndarray, w: np.ndarray, wishes: Wishes, count: int, pick: int | None
+    line: Front, judge: Judge, form: Form, h: np.ndarray, w: np.ndarray, wishes: Wishes, own: tuple[np.ndarray, np.ndarray],
+    pick: int | None,
 ) -> JudgedFront:  # fmt: skip
-    """The points of a front on the fresh plants: their figures on the best fit, in units, and the share of plants that keep the wishes."""
+    """The points of a front on the fresh plants, which have poles of their `own`: their figures on the best fit, in units, and the share of
+    plants that keep the wishes."""
     controllers = [_numbers(form.made(z)) for z in line.points]
-    found = judged_on(judge, form, controllers, h, w, wishes, count)
+    found = judged_on(judge, form, controllers, h, w, wishes, own[0] + form.integrators, own[1])
     half = 0.5 * judge.course.seconds
     first = [np.asarray(figure(n, found.scores, found.input_noise, half))[:, 0] for n in line.names]
     return JudgedFront(line.names, tuple(controllers), np.stack(first, axis=1), np.mean(found.kept, axis=1), pick)

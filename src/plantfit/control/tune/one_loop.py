@@ -238,6 +238,14 @@ class OneLoop:
             columns.append(values if table is None else np.asarray(jax.vmap(table)(jnp.asarray(values), jnp.asarray(u))))
         return np.stack(columns, axis=1)
 
+    def through(self, rest: Rest) -> np.ndarray:
+        """How the output follows every way of the input at once (n, c), in its own time; `Rest.D` is the first of them."""
+
+        def one(x: Any, u: Any, p: Any) -> Any:
+            return jax.jacfwd(self.key.out, 1)(x, jnp.full(len(self.key.ways), u), p)
+
+        return np.asarray(jax.vmap(one)(rest.x, rest.u, self._p(self.plants)))
+
     def of_inner(self, rest: Rest) -> Rest:
         """The same rest with the matrices to the inner output, of the states that reach it."""
         assert self.inner is not None

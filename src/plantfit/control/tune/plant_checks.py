@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plantfit.control.tune.one_loop import OneLoop, Rest
-from plantfit.control.tune.reduction import Reduced, gain_of, integrators, poles
+from plantfit.control.tune.reduction import STILL, Reduced, gain_of, integrators, poles
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError
 
@@ -27,7 +27,8 @@ def with_rest(rests: Sequence[Rest]) -> np.ndarray:
 
 
 def sign_of(rest: Rest) -> tuple[int, np.ndarray]:
-    """Of the best fit's gain, and whether the others (n,) have another."""
+    """Of the best fit's gain, and whether the others (n,) have another; an unstable pole turns the sign of a gain at rest, which does not
+    count, as a controller of the same sign holds the plant."""
     gains = np.array([_gain(rest, i) for i in range(len(rest.u))])
     if not np.isfinite(gains[0]) or gains[0] == 0:
         raise SimulationError(
@@ -40,7 +41,9 @@ def sign_of(rest: Rest) -> tuple[int, np.ndarray]:
 def _gain(rest: Rest, at: int) -> float:
     if not np.all(np.isfinite(rest.A[at])):
         return float("nan")
-    return gain_of(rest, at)
+    own = poles(rest, at)
+    turned = np.sum((np.real(own) > STILL * np.max(np.abs(own))) & (np.imag(own) == 0))
+    return gain_of(rest, at) * (-1.0) ** turned
 
 
 def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None:

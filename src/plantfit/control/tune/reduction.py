@@ -9,6 +9,7 @@ from plantfit.control.tune.one_loop import Rest
 from plantfit.errors import SimulationError
 
 STILL = 1e-8  # of the fastest pole: a slower one is an integrator
+UNSTABLE = 1e-6  # of a pole's size: a smaller real part is that of an oscillation without damping
 LONGEST = 1e9  # s: no time constant is longer
 
 
@@ -38,6 +39,16 @@ def integrators(rest: Rest, at: int = 0) -> int:
     """How many poles lie at 0."""
     found = np.abs(poles(rest, at))
     return int(np.sum(found <= STILL * max(float(np.max(found)), 1.0 / LONGEST)))
+
+
+def open_poles(rest: Rest, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of every plant (n,): how many poles frequencies from `least` (rad/s) on cannot tell from an integrator, and how many others are
+    unstable."""
+    a = np.where(np.isfinite(rest.A), rest.A, 0.0)
+    found = np.linalg.eigvals(a)
+    size = np.abs(found)
+    near = size <= np.maximum(least, STILL * np.max(size, axis=1, keepdims=True))
+    return np.sum(near, axis=1), np.sum(~near & (np.real(found) > UNSTABLE * size), axis=1)
 
 
 def reduced(rest: Rest, extra: float = 0.0, at: int = 0) -> Reduced:

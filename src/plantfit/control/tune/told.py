@@ -192,6 +192,7 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
     slow = slowest(design.reduced)
     w = frequencies(wishes.period, slow, FINE)
     w = w[w >= 1e-2 / slow]
+    late = np.min(np.where(np.any(design.rest.B != 0, axis=2), design.rest.late, np.inf), axis=1)
     some = np.unique(np.r_[0, np.linspace(0, design.family.count - 1, FEW).round().astype(int)])
     for name in (ROBUST, BEST_FIT):
         row = design.row(name)
@@ -204,15 +205,20 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
         found[name] = {
             "t": seen["t"][at], "y": _bands(seen["y"][:, at]), "u": _bands(seen["u"][:, at]), "y_lines": seen["y"][some][:, at],
             "w": w[few], "sensitivity": _bands(s[:, few]), "nyquist": loop[some][:, few],
-            "gain": _bands(np.abs(loop[:, few])), "phase": _bands(_phase(loop)[:, few]),
+            "gain": _bands(np.abs(loop[:, few])), "phase": _bands(_phase(loop, w, late)[:, few]),
             "locus": loop_poles(design.family, design.rest, row.form, row.parameters, wishes.set_point, wishes.period),
         }  # fmt: skip
     return found
 
 
-def _phase(loop: np.ndarray) -> np.ndarray:
-    """Phases (n, F) in degrees without jumps, the first between -270 and 90."""
-    found = np.degrees(np.unwrap(np.angle(loop), axis=1))
+def _phase(loop: np.ndarray, w: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """Phases (n, F) in degrees without jumps at w (F,) in rad/s, the first between -270 and 90.
+
+    A dead time of `late` (n,) s that turns a loop by more than a quarter between two frequencies is taken out while jumps are sought.
+    """
+    known = np.where(np.isfinite(late) & (np.max(np.diff(w)) * late > 0.5 * np.pi), late, 0.0)
+    turned = np.multiply.outer(known, w)
+    found = np.degrees(np.unwrap(np.angle(loop * np.exp(1j * turned)), axis=1) - turned)
     return found - 360.0 * np.ceil((found[:, :1] - 90.0) / 360.0)
 
 

@@ -52,10 +52,10 @@ class Row:
 
 
 def judged_on(
-    judge: Judge, form: Form, controllers: Sequence[Any], h: np.ndarray, w: np.ndarray, wishes: Wishes, count: int
+    judge: Judge, form: Form, controllers: Sequence[Any], h: np.ndarray, w: np.ndarray, wishes: Wishes, count: Any, outside: Any = 0
 ) -> Judged:  # fmt: skip
     """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F), or (n, 2, F); `count` poles of
-    every loop lie at 1."""
+    every loop lie at 1, and `outside` the unit circle those of the plants, numbers for all or (n,)."""
     scores = judge.scores(stacked_controllers(list(controllers)))
     scores = LoopScores(*(np.asarray(v) for v in scores))
     ms, stable, moved, wide = [], [], [], []
@@ -63,7 +63,7 @@ def judged_on(
     for one in controllers:
         c = form.response(one, w)
         s = 1.0 / (1.0 + open_loop(c, h))
-        seen = loop_margins(c, h, w, count, form.unstable(one))
+        seen = loop_margins(c, h, w, count, outside + form.unstable(one))
         ms.append(seen.ms)
         stable.append(seen.stable)
         wide.append(np.stack([seen.gain >= wishes.gain_margin, seen.phase >= wishes.phase_margin], axis=-1))
