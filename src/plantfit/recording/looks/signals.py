@@ -144,7 +144,7 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
         shift = late * float(np.median(np.diff(recording.t)))
         write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
         sentence = (
-            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers before it, or be computed from {y} (closed "
+            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed from {y} (closed "
             f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md."
         )
         figures["late"] = shift
