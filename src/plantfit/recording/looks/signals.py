@@ -169,7 +169,7 @@ def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
     first = max(0, int(np.argmax(a != a[0])) - LAGS)
     a, b = a[first : first + MOST], b[first : first + MOST]
     better, late = max(_better_late(a, b, back) for back in NEAR)
-    return late if better > 0 else 0
+    return late if better > 0 and late > 1 else 0  # by one sample: then past outputs would tell nothing new of it
 
 
 def _better_late(a: np.ndarray, b: np.ndarray, lags: int) -> tuple[float, int]:
