@@ -4,6 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, lfilter
 
 import plantfit.recording as rec
 from plantfit.recording.looks import clock_looks, feedback_look, signal_looks
@@ -125,6 +126,93 @@ def test_an_input_computed_from_the_output():
     assert (look.figures["share"] or 0.0) > 0.05
     noisy = recorded(plant(np.random.default_rng(5).normal(size=600)), np.random.default_rng(5).normal(size=600))
     assert feedback_look(noisy, "u", "y") is None
+
+
+def sampled_plant(rng, second_order):
+    """Coefficients of a plant held between samples, y[k] = -a1 y[k-1] - a2 y[k-2] + b1 u[k-1] + b2 u[k-2]."""
+    if not second_order:
+        pole = np.exp(-1 / rng.uniform(5, 30))
+        return (1 - pole, 0.0), (-pole, 0.0)
+    w, damping = 2 * np.pi / rng.uniform(15, 60), rng.uniform(0.1, 1.2)
+    over, under, _ = cont2discrete(([w * w] if rng.random() < 0.6 else [w, 0.0], [1, 2 * damping * w, w * w]), 1.0)
+    return over.ravel()[1:], under[1:]
+
+
+def excitation(rng, kind, n=1500):
+    if kind == "prbs":
+        return np.repeat(rng.choice([-1.0, 1.0], n), rng.integers(4, 30))[:n]
+    pole = np.exp(-1 / rng.uniform(3, 15))
+    u = lfilter([1], [1, -pole], rng.normal(size=n))
+    return u / np.std(u)
+
+
+def looked_at(u, y):
+    return feedback_look(recorded(y, u, 0.02 * np.arange(len(u))), "u", "y")
+
+
+def open_loop(seed, late):
+    """A plant whose input is stamped `late` samples late, noise 0.5 to 2 % of the output."""
+    rng = np.random.default_rng(seed)
+    (b1, b2), (a1, a2) = sampled_plant(rng, seed // 2 % 2)
+    u = excitation(rng, ("prbs", "filtered")[seed % 2])
+    y = lfilter([0, b1, b2], [1, a1, a2], u)
+    y += np.std(y) * rng.uniform(0.005, 0.02) * rng.normal(size=len(y))
+    return u[: len(u) - late], y[late:]
+
+
+def controlled(seed):
+    """A plant under P, PI or PID control by its measured output, of this sample or the last; None where the loop is not stable."""
+    rng = np.random.default_rng(1000 + seed)
+    (b1, b2), (a1, a2) = sampled_plant(rng, seed // 2 % 2)
+    goal = excitation(rng, ("prbs", "filtered")[seed % 2])
+    gain, integral, noise, old = rng.uniform(0.5, 5), (0.0, *1 / rng.uniform(5, 60, 2))[seed % 3], rng.uniform(0.005, 0.05), seed // 4 % 2
+    slope = rng.uniform(1, 5) if seed % 3 == 2 else 0.0
+    u, x, y, summed = np.zeros(1500), np.zeros(1500), np.zeros(1500), 0.0
+    for k in range(3, 1500):
+        x[k] = -a1 * x[k - 1] - a2 * x[k - 2] + b1 * u[k - 1] + b2 * u[k - 2]
+        y[k] = x[k] + noise * rng.normal()
+        summed += integral * (goal[k] - y[k - old])
+        u[k] = gain * (goal[k] - y[k - old] + summed - slope * (y[k - old] - y[k - old - 1]))
+        if abs(x[k]) > 50:
+            return None
+    return u, y
+
+
+def test_an_input_that_is_stamped_late_is_not_called_a_closed_loop_alone():
+    told = 0
+    for seed in range(60):
+        late = 2 + seed % 9
+        look = looked_at(*open_loop(seed, late))
+        if look is None:
+            continue
+        told += 1
+        assert look.kind == "feedback"
+        shift = look.figures.get("late")
+        assert shift is not None, seed
+        assert shift == pytest.approx(0.02 * late, abs=0.021), seed
+        assert f"may be stamped about {shift:.3g} s late (two clocks)" in look.sentence
+        assert "or be computed from y (closed loop)" in look.sentence
+        assert look.write == f"clock_shift = {{ u = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
+        assert look.write in look.sentence
+    assert told >= 40
+
+
+def test_control_by_the_output_is_still_told():
+    told = 0
+    for seed in range(100):
+        loop = controlled(seed)
+        look = None if loop is None else looked_at(*loop)
+        if look is None:
+            continue
+        told += 1
+        assert "seems to be computed from y (closed loop)" in look.sentence, seed
+        assert look.write == ""
+        assert "late" not in look.figures
+    assert told >= 25
+
+
+def test_an_open_loop_stamped_right_is_silent():
+    assert all(looked_at(*open_loop(seed, 0)) is None for seed in range(60))
 
 
 def test_a_blip_of_one_level_of_a_coarse_signal_is_no_spike():

@@ -15,6 +15,7 @@ STUCK = 20  # equal samples
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
 LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
+NEAR, EARLIER, MOST = (3, LAGS), 30, 20_000  # of the test for late stamps: samples back, samples ahead and of the record at most
 
 
 def signal_looks(recording: Recording, name: str, measured: bool, settles: bool = False) -> Iterator[Look]:
@@ -118,7 +119,8 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
 def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
     """Whether past values of y tell of u what past values of u do not: the input was computed from the output.
 
-    Granger, Econometrica 37 (1969) 424, by an F test of 5 lags; None where it is not so.
+    Granger, Econometrica 37 (1969) 424, by an F test of 5 lags; None where it is not so. An input that is stamped late looks the same,
+    and where that tells the record better, the sentence names both.
     """
     a, b = recording[u], recording[y]
     good = np.isfinite(a) & np.isfinite(b)
@@ -136,12 +138,55 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
     chance = float(scipy.special.fdtrc(LAGS, free, f))
     if chance > SURE:
         return None
+    told_of = f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} "
+    figures: dict[str, int | float | None] = {"share": share, "chance": chance}
+    if late := stamped_late(a, b):
+        shift = late * float(np.median(np.diff(recording.t)))
+        write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
+        sentence = (
+            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed from {y} (closed "
+            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md."
+        )
+        figures["late"] = shift
+    else:
+        write = ""
+        sentence = (
+            f"{told_of}seems to be computed from {y} (closed loop), where noise reaches the input and pulls the parameters. See "
+            "docs/closed-loop.md, or estimate with a Kalman filter."
+        )
     return Look(
-        "feedback", "warning", recording.name, u,
-        f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} seems to be computed from {y} (closed loop), where "
-        "noise reaches the input and pulls the parameters. See docs/closed-loop.md, or estimate with a Kalman filter.",
-        float(recording.t[0]), float(recording.t[-1]), figures={"share": share, "chance": chance}, other=y,
+        "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write, figures, other=y
     )  # fmt: skip
+
+
+def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
+    """By how many samples an input a (n,) seems to be stamped late beside an output b (n,): 0 where a feedback tells both better.
+
+    Both predict one sample ahead from a few samples of each (`NEAR`), and the likelihoods of the two signals are compared. Late: the input
+    from its own past, the output from its past and the input some samples ahead. Feedback: each from the past of both, where the input may
+    also follow the newest output.
+    """
+    first = max(0, int(np.argmax(a != a[0])) - LAGS)
+    a, b = a[first : first + MOST], b[first : first + MOST]
+    better, late = max(_better_late(a, b, back) for back in NEAR)
+    return late if better > 0 and late > 1 else 0  # by one sample: then past outputs would tell nothing new of it
+
+
+def _better_late(a: np.ndarray, b: np.ndarray, lags: int) -> tuple[float, int]:
+    """By how much a late stamp tells two signals (n,) better than a feedback (logarithm of squares), and by how many samples it is late."""
+    most = min(EARLIER, len(a) // 10)
+    now = np.arange(lags, len(a) - most)
+    back = now[:, None] - np.arange(1, lags + 1)
+
+    def missed(of: np.ndarray, *by: np.ndarray) -> float:
+        """Logarithm of the squares that are left of a signal, not below rounding."""
+        corner = np.asarray(np.linalg.qr(np.column_stack([np.ones(len(now)), *by, of[now]]), mode="r"))
+        return float(np.log(corner[-1, -1] ** 2 + 1e-16 * np.sum(of[now] ** 2) + 1e-300))
+
+    feedback = min(missed(a, a[back], b[back]), missed(a, a[back], b[back], b[now])) + missed(b, b[back], a[back])
+    ahead = [missed(b, b[back], a[back + k]) for k in range(1, most + 1)]
+    late = int(np.argmin(ahead))
+    return feedback - missed(a, a[back]) - ahead[late], late + 1
 
 
 def news_told(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
