@@ -83,3 +83,34 @@ def test_rounding_is_no_noise():
     y = 3.0 + noise(400, 0.0)
     assert not list(noise_rows(findings(y, y + 1e-15 * noise(400, 0.0, 3))))
     assert list(noise_rows(findings(y, y + 1e-3 * noise(400, 0.0, 3))))
+
+
+SLOW = np.sin(np.arange(400) / 40.0)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.31, 1.51, 1.99])
+@pytest.mark.parametrize("percent", [-40.0, -1.3, 0.0, 10.0, 33.0, 49.0])
+def test_a_useless_fit_does_not_hold_in_part(percent, ratio):
+    (told,) = unseen_sentences(findings(SLOW, np.zeros(400), unseen=ratio, percent=percent))
+    assert told["level"] == "warning"
+    assert "it holds" not in told["sentence"]
+    assert f"{'no worse than there, but' if ratio < 1.3 else 'worse than there, and'} a fit of {percent:.0f} % only." in told["sentence"]
+
+
+@pytest.mark.parametrize("ratio", [1.31, 1.51, 1.99])
+@pytest.mark.parametrize("percent", [51.0, 60.0, 79.0, 95.0, None])
+def test_a_fit_that_is_worse_on_unseen_samples_holds_in_part(percent, ratio):
+    (told,) = unseen_sentences(findings(SLOW, np.zeros(400), unseen=ratio, percent=percent))
+    assert told["level"] == "warning"
+    assert told["sentence"].endswith("it holds in part.")
+
+
+@pytest.mark.parametrize("poor", [0, 1, 3, 5])
+def test_useless_fits_among_many_recordings_are_told(poor):
+    found = findings(SLOW, np.zeros(400))
+    score = {**found["scores"][0], "part": "validation"}
+    rows = [{**score, "recording": f"r{k}", "rmse": (1.0, 1.5)[k % 2], "fit_percent": 90.0 if k >= poor else 20.0} for k in range(5)]
+    (told,) = unseen_sentences({**found, "scores": [*found["scores"], *rows]})
+    assert ("a fit of less than 50 % only" in told["sentence"]) is (poor > 0)
+    assert ("it holds" in told["sentence"]) is (poor < 5)
+    assert (f"only ({poor}: r0" in told["sentence"]) is (poor > 0)

@@ -113,16 +113,25 @@ def _held_level(ratio: float) -> str:
     return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
 
 
-def _but(findings: Findings, row: Row) -> str | None:
-    """What is to be said where an unseen output is followed as well as the fitted samples, and badly, though its noise from sample to
-    sample would allow more; else None."""
-    percent = row["fit_percent"]
-    noise = max((r["noise"] for r in noise_rows(findings) if r["output"] == row["output"]), default=None)
-    if percent is None or (noise is not None and row["rmse"] <= FLOOR * noise):
+def _most_noise(findings: Findings, output: str) -> float | None:
+    """Noise from sample to sample of an output, the most of all recordings."""
+    return max((r["noise"] for r in noise_rows(findings) if r["output"] == output), default=None)
+
+
+def _is_poor(row: Row, noise: float | None) -> bool:
+    """Whether little of an unseen output is followed, though its noise from sample to sample would allow more."""
+    return row["fit_percent"] is not None and row["fit_percent"] < POOR and (noise is None or row["rmse"] > FLOOR * noise)
+
+
+def _but(findings: Findings, row: Row, level: str) -> str | None:
+    """What is to be said where an unseen output is followed badly, as the fitted samples (`level` "good") or somewhat worse, though its
+    noise from sample to sample would allow more; else None."""
+    if level == "bad":
         return None
-    if percent < POOR:
-        return f"no worse than there, but a fit of {percent:.0f} % only"
-    if percent < GOOD and noise and row["rmse"] > MUCH * noise:
+    percent, noise = row["fit_percent"], _most_noise(findings, row["output"])
+    if _is_poor(row, noise):
+        return f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} a fit of {percent:.0f} % only"
+    if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
         return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
     return None
 
@@ -134,7 +143,8 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
-    words = _but(findings, row) if level == "good" else _drift_ends(findings, row)
+    words = _drift_ends(findings, row) if level != "good" else None
+    words = words or _but(findings, row, level)
     level = "warning" if words else level
     text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
@@ -155,10 +165,15 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
-    by = {level: [r for r, q in zip(rows, ratios, strict=True) if _held_level(q) == level] for level in _HOLDS}
+    levels, noise = [_held_level(q) for q in ratios], _most_noise(findings, output)
+    poor = [_is_poor(r, noise) and level != "bad" for r, level in zip(rows, levels, strict=True)]
+    by = {k: [r for r, level, p in zip(rows, levels, poor, strict=True) if level == k and not p] for k in _HOLDS}
     held = "; ".join(f"{_HOLDS[level]} ({len(own)}: {_names(own)})" for level, own in by.items() if own)
+    if any(poor):
+        own = [r for r, p in zip(rows, poor, strict=True) if p]
+        held += f"{'; ' if held else ''}a fit of less than {POOR} % only ({len(own)}: {_names(own)})"
     yield say(
-        worst(k for k, own in by.items() if own),
+        worst([*(k for k, own in by.items() if own), *(["warning"] if any(poor) else [])]),
         f"{text}, {span(ratios, None)} times that of the fitted samples: {held}.",
         ratio=max(ratios),
     )
