@@ -11,6 +11,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
+HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
@@ -110,7 +111,12 @@ def _base(findings: Findings, row: Row) -> float | None:
 
 
 def _held_level(ratio: float) -> str:
-    return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
+    return "good" if ratio < HOLDS else "warning" if ratio < FAILS else "bad"
+
+
+def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
+    """Whether a miss is no larger than the uncertainty of the parameters lets expect of a model that is right."""
+    return level != "good" and row["rmse"] <= (row.get("foretold") or 0.0) and not _disagree(findings)
 
 
 def _most_noise(findings: Findings, output: str) -> float | None:
@@ -144,6 +150,13 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     ratio = row["rmse"] / base
     level = _held_level(ratio)
     words = _drift_ends(findings, row) if level != "good" else None
+    if not words and _is_foretold(findings, row, level):
+        text += (
+            f", {ratio:.2f} times that of the fitted samples, and no more than the uncertainty of the parameters lets expect (up to "
+            f"{with_unit(row['foretold'], row['unit'])}): they are not known well enough to predict there. A recording that moves as those "
+            "samples do would tell; `plantfit design` plans one."
+        )
+        return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
     words = words or _but(findings, row, level)
     level = "warning" if words else level
     text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
@@ -156,6 +169,17 @@ def _drift_ends(findings: Findings, row: Row) -> str | None:
     return "the curve of its slow drift is level there, since a drift cannot be foretold" if drifts else None
 
 
+_POOR = ("warning", f"a fit of less than {POOR} % only")
+_FORETOLD = ("warning", "no worse than the uncertainty of the parameters lets expect, which are not known well enough to predict there")
+
+
+def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple[str, str]:
+    """Level and words for one of many recordings."""
+    if _is_foretold(findings, row, level):
+        return _FORETOLD
+    return _POOR if level != "bad" and _is_poor(row, noise) else (level, _HOLDS[level])
+
+
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
     bases = [_base(findings, r) for r in rows]
     text = (
@@ -165,15 +189,12 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
-    levels, noise = [_held_level(q) for q in ratios], _most_noise(findings, output)
-    poor = [_is_poor(r, noise) and level != "bad" for r, level in zip(rows, levels, strict=True)]
-    by = {k: [r for r, level, p in zip(rows, levels, poor, strict=True) if level == k and not p] for k in _HOLDS}
-    held = "; ".join(f"{_HOLDS[level]} ({len(own)}: {_names(own)})" for level, own in by.items() if own)
-    if any(poor):
-        own = [r for r, p in zip(rows, poor, strict=True) if p]
-        held += f"{'; ' if held else ''}a fit of less than {POOR} % only ({len(own)}: {_names(own)})"
+    noise = _most_noise(findings, output)
+    ends = [_end(findings, r, _held_level(q), noise) for r, q in zip(rows, ratios, strict=True)]
+    by = {end: [r for r, own in zip(rows, ends, strict=True) if own == end] for end in (*_HOLDS.items(), _POOR, _FORETOLD) if end in ends}
+    held = "; ".join(f"{words} ({len(own)}: {_names(own)})" for (_, words), own in by.items())
     yield say(
-        worst([*(k for k, own in by.items() if own), *(["warning"] if any(poor) else [])]),
+        worst(level for level, _ in by),
         f"{text}, {span(ratios, None)} times that of the fitted samples: {held}.",
         ratio=max(ratios),
     )
