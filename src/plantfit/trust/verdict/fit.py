@@ -119,6 +119,17 @@ def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
     return level != "good" and row["rmse"] <= (row.get("foretold") or 0.0) and not _disagree(findings)
 
 
+def failing(findings: Findings) -> list[str]:
+    """Outputs of which the verdict says that the model does not hold on unseen samples."""
+    found: dict[str, None] = {}
+    for row in findings.get("scores", ()):
+        base = _base(findings, row) if row["part"] == "validation" else None
+        level = _held_level(row["rmse"] / base) if base else "good"
+        if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
+            found[row["output"]] = None
+    return list(found)
+
+
 def _most_noise(findings: Findings, output: str) -> float | None:
     """Noise from sample to sample of an output, the most of all recordings."""
     return max((r["noise"] for r in noise_rows(findings) if r["output"] == output), default=None)
