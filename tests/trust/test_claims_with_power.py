@@ -133,10 +133,11 @@ def test_a_miss_counts_unless_it_is_foretold(count, ratio, agree, share):
     found = misses([ratio] * count, None if share is None else share * ratio, agree)
     excused = share == 1.1 and agree is not False
     for told in unseen_sentences(found):
-        assert ("the uncertainty of the parameters lets expect" in told["sentence"]) is excused
+        assert ("the uncertainty of the parameters lets expect" in told["sentence"]) is (excused and ratio > 2)
+        assert ("noise and the uncertainty of the parameters let expect" in told["sentence"]) is (excused and ratio < 2)
         assert ("it does not hold there" in told["sentence"]) is (not excused and ratio > 2)
         assert ("it holds in part" in told["sentence"]) is (not excused and ratio < 2)
-        assert told["level"] == ("bad" if not excused and ratio > 2 else "warning")
+        assert told["level"] == (("info" if ratio < 2 else "warning") if excused else "warning" if ratio < 2 else "bad")
     assert failing(found) == (["y"] if not excused and ratio > 2 else [])
 
 

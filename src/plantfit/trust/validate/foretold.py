@@ -18,19 +18,20 @@ FAR = 0.5  # of the size of a parameter: no step of a derivative is longer
 
 
 def with_foretold(problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest]) -> list[Score]:
-    """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and no residual speaks against the
-    covariance of the parameters: all are white, as far as they were tested."""
+    """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals do not speak
+    against the model: they are white in all recordings, as far as they were tested."""
     fitted = [s for s in scores if s.part == "fit" and s.rmse]
     samples, d = sum(s.n for s in fitted), len(local.values)
     sound = local.linear is None or local.linear.sound
-    if d > MOST or samples <= d or not sound or any((t.p_value or 0.0) <= CHANCE / len(tests) for t in tests):
+    if d > MOST or samples <= d or not sound:
         return list(scores)
+    coloured = {t.output for t in tests if (t.p_value or 0.0) <= CHANCE / sum(o.output == t.output for o in tests)}
     left = (samples if local.linear is None else min(samples, local.linear.samples)) - d
     moved: dict[str, Mapping[str, np.ndarray] | None] = {}
     found = []
     for s in scores:
         own = [f for f in fitted if f.output == s.output and f.recording == s.recording] or [f for f in fitted if f.output == s.output]
-        if s.part == "fit" or not own or not s.rmse or s.rmse < HOLDS * min(f.rmse or 0.0 for f in own):
+        if s.part == "fit" or s.output in coloured or not own or not s.rmse or s.rmse < HOLDS * min(f.rmse or 0.0 for f in own):
             found.append(s)
             continue
         noise = sum(f.n * (f.rmse or 0.0) ** 2 for f in own) / sum(f.n for f in own) * samples / (samples - d)

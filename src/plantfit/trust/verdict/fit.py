@@ -162,11 +162,13 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     level = _held_level(ratio)
     words = _drift_ends(findings, row) if level != "good" else None
     if not words and _is_foretold(findings, row, level):
-        text += (
-            f", {ratio:.2f} times that of the fitted samples, and no more than the uncertainty of the parameters lets expect (up to "
-            f"{with_unit(row['foretold'], row['unit'])}): they are not known well enough to predict there. A recording that moves as those "
-            "samples do would tell; `plantfit design` plans one."
-        )
+        text += f", {ratio:.2f} times that of the fitted samples, and no more than "
+        text += "noise and the uncertainty of the parameters let" if level == "warning" else "the uncertainty of the parameters lets"
+        text += f" expect (up to {with_unit(row['foretold'], row['unit'])})"
+        if level == "warning":
+            return say("info", f"{text}.", rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
+        text += ": they are not known well enough to predict there. A recording that moves as those samples do would tell; "
+        text += "`plantfit design` plans one."
         return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
     words = words or _but(findings, row, level)
     level = "warning" if words else level
@@ -181,13 +183,14 @@ def _drift_ends(findings: Findings, row: Row) -> str | None:
 
 
 _POOR = ("warning", f"a fit of less than {POOR} % only")
+_CHANCE = ("info", "no worse than noise and the uncertainty of the parameters let expect")
 _FORETOLD = ("warning", "no worse than the uncertainty of the parameters lets expect, which are not known well enough to predict there")
 
 
 def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple[str, str]:
     """Level and words for one of many recordings."""
     if _is_foretold(findings, row, level):
-        return _FORETOLD
+        return _CHANCE if level == "warning" else _FORETOLD
     return _POOR if level != "bad" and _is_poor(row, noise) else (level, _HOLDS[level])
 
 
@@ -202,7 +205,11 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = _most_noise(findings, output)
     ends = [_end(findings, r, _held_level(q), noise) for r, q in zip(rows, ratios, strict=True)]
-    by = {end: [r for r, own in zip(rows, ends, strict=True) if own == end] for end in (*_HOLDS.items(), _POOR, _FORETOLD) if end in ends}
+    by = {
+        end: [r for r, own in zip(rows, ends, strict=True) if own == end]
+        for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
+        if end in ends
+    }
     held = "; ".join(f"{words} ({len(own)}: {_names(own)})" for (_, words), own in by.items())
     yield say(
         worst(level for level, _ in by),
