@@ -5,7 +5,8 @@ import pytest
 from scipy.signal import lfilter, lsim, lti
 
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, whiteness
-from plantfit.trust.verdict.fit import noise_rows, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.fit import failing, noise_rows, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.parameters import parameter_sentences
 
 
 def findings(measured, simulated, u=None, rmse=1.0, unseen=None, percent=90.0):
@@ -83,3 +84,68 @@ def test_rounding_is_no_noise():
     y = 3.0 + noise(400, 0.0)
     assert not list(noise_rows(findings(y, y + 1e-15 * noise(400, 0.0, 3))))
     assert list(noise_rows(findings(y, y + 1e-3 * noise(400, 0.0, 3))))
+
+
+SLOW = np.sin(np.arange(400) / 40.0)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.31, 1.51, 1.99])
+@pytest.mark.parametrize("percent", [-40.0, -1.3, 0.0, 10.0, 33.0, 49.0])
+def test_a_useless_fit_does_not_hold_in_part(percent, ratio):
+    (told,) = unseen_sentences(findings(SLOW, np.zeros(400), unseen=ratio, percent=percent))
+    assert told["level"] == "warning"
+    assert "it holds" not in told["sentence"]
+    assert f"{'no worse than there, but' if ratio < 1.3 else 'worse than there, and'} a fit of {percent:.0f} % only." in told["sentence"]
+
+
+@pytest.mark.parametrize("ratio", [1.31, 1.51, 1.99])
+@pytest.mark.parametrize("percent", [51.0, 60.0, 79.0, 95.0, None])
+def test_a_fit_that_is_worse_on_unseen_samples_holds_in_part(percent, ratio):
+    (told,) = unseen_sentences(findings(SLOW, np.zeros(400), unseen=ratio, percent=percent))
+    assert told["level"] == "warning"
+    assert told["sentence"].endswith("it holds in part.")
+
+
+@pytest.mark.parametrize("poor", [0, 1, 3, 5])
+def test_useless_fits_among_many_recordings_are_told(poor):
+    found = findings(SLOW, np.zeros(400))
+    score = {**found["scores"][0], "part": "validation"}
+    rows = [{**score, "recording": f"r{k}", "rmse": (1.0, 1.5)[k % 2], "fit_percent": 90.0 if k >= poor else 20.0} for k in range(5)]
+    (told,) = unseen_sentences({**found, "scores": [*found["scores"], *rows]})
+    assert ("a fit of less than 50 % only" in told["sentence"]) is (poor > 0)
+    assert ("it holds" in told["sentence"]) is (poor < 5)
+    assert (f"only ({poor}: r0" in told["sentence"]) is (poor > 0)
+
+
+def misses(ratios, foretold=None, agree=None):
+    """A record of recordings whose unseen samples are missed by so many times the fitted RMSE."""
+    found = findings(SLOW, np.zeros(400))
+    score = {**found["scores"][0], "part": "validation", "foretold": foretold}
+    rows = [{**score, "recording": f"r{k}", "rmse": q} for k, q in enumerate(ratios)]
+    return {**found, "scores": [*found["scores"], *rows], "heterogeneity": None if agree is None else {"agree": agree}}
+
+
+@pytest.mark.parametrize("count", [1, 3, 5])
+@pytest.mark.parametrize("ratio", [1.4, 1.9, 2.1, 7.65, 80.0])
+@pytest.mark.parametrize("agree", [None, True, False])
+@pytest.mark.parametrize("share", [None, 0.9, 1.1])
+def test_a_miss_counts_unless_it_is_foretold(count, ratio, agree, share):
+    found = misses([ratio] * count, None if share is None else share * ratio, agree)
+    excused = share == 1.1 and agree is not False
+    for told in unseen_sentences(found):
+        assert ("the uncertainty of the parameters lets expect" in told["sentence"]) is (excused and ratio > 2)
+        assert ("noise and the uncertainty of the parameters let expect" in told["sentence"]) is (excused and ratio < 2)
+        assert ("it does not hold there" in told["sentence"]) is (not excused and ratio > 2)
+        assert ("it holds in part" in told["sentence"]) is (not excused and ratio < 2)
+        assert told["level"] == (("info" if ratio < 2 else "warning") if excused else "warning" if ratio < 2 else "bad")
+    assert failing(found) == (["y"] if not excused and ratio > 2 else [])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+@pytest.mark.parametrize(("ratio", "foretold", "said"), [(0.9, None, False), (1.9, None, False), (3.0, None, True), (3.0, 4.0, False)])
+def test_determined_parameters_of_a_model_that_fails_are_its_own(count, ratio, foretold, said):
+    row = {"name": "R", "unit": "ohm", "value": 2.0, "standard_error": 0.1, "status": "determined", "low": 1.8, "high": 2.2}
+    (told,) = parameter_sentences({**misses([ratio] * count, foretold), "parameters": [row]})
+    assert told["sentence"].startswith("The data determine 1 of 1 parameters: R = 2.00 ± 0.10 ohm.")
+    assert ("does not hold for unseen samples of y: these are its values" in told["sentence"]) is said
+    assert told["level"] == ("warning" if said else "good")

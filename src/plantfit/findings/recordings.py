@@ -63,6 +63,9 @@ class Score(Record):
     bias: Number = None
     fit_percent: Number = None
     """100 (1 - |error| / |measured - mean|); none where the output never moves."""
+    foretold: Number = None
+    """Of unseen samples that are followed worse than fitted ones: the RMSE that noise and the uncertainty of the parameters foretell for a
+    model that is right, exceeded in 1 %; none where residuals or records allow no such figure."""
 
 
 class Weight(Record):

@@ -34,6 +34,7 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows,
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import ROUNDING
@@ -70,12 +71,13 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
+    tests = list(_residual_tests(problem, predictions))
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
-        scores=list(_scores(problem, predictions)),
-        residual_tests=list(_residual_tests(problem, predictions)),
+        scores=with_foretold(problem, local, list(_scores(problem, predictions)), tests),
+        residual_tests=tests,
         data=problem_looks(problem),
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],

@@ -11,6 +11,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
+HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
@@ -110,19 +111,44 @@ def _base(findings: Findings, row: Row) -> float | None:
 
 
 def _held_level(ratio: float) -> str:
-    return "good" if ratio < 1.3 else "warning" if ratio < 2 else "bad"
+    return "good" if ratio < HOLDS else "warning" if ratio < FAILS else "bad"
 
 
-def _but(findings: Findings, row: Row) -> str | None:
-    """What is to be said where an unseen output is followed as well as the fitted samples, and badly, though its noise from sample to
-    sample would allow more; else None."""
-    percent = row["fit_percent"]
-    noise = max((r["noise"] for r in noise_rows(findings) if r["output"] == row["output"]), default=None)
-    if percent is None or (noise is not None and row["rmse"] <= FLOOR * noise):
+def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
+    """Whether a miss is no larger than the uncertainty of the parameters lets expect of a model that is right."""
+    return level != "good" and row["rmse"] <= (row.get("foretold") or 0.0) and not _disagree(findings)
+
+
+def failing(findings: Findings) -> list[str]:
+    """Outputs of which the verdict says that the model does not hold on unseen samples."""
+    found: dict[str, None] = {}
+    for row in findings.get("scores", ()):
+        base = _base(findings, row) if row["part"] == "validation" else None
+        level = _held_level(row["rmse"] / base) if base else "good"
+        if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
+            found[row["output"]] = None
+    return list(found)
+
+
+def _most_noise(findings: Findings, output: str) -> float | None:
+    """Noise from sample to sample of an output, the most of all recordings."""
+    return max((r["noise"] for r in noise_rows(findings) if r["output"] == output), default=None)
+
+
+def _is_poor(row: Row, noise: float | None) -> bool:
+    """Whether little of an unseen output is followed, though its noise from sample to sample would allow more."""
+    return row["fit_percent"] is not None and row["fit_percent"] < POOR and (noise is None or row["rmse"] > FLOOR * noise)
+
+
+def _but(findings: Findings, row: Row, level: str) -> str | None:
+    """What is to be said where an unseen output is followed badly, as the fitted samples (`level` "good") or somewhat worse, though its
+    noise from sample to sample would allow more; else None."""
+    if level == "bad":
         return None
-    if percent < POOR:
-        return f"no worse than there, but a fit of {percent:.0f} % only"
-    if percent < GOOD and noise and row["rmse"] > MUCH * noise:
+    percent, noise = row["fit_percent"], _most_noise(findings, row["output"])
+    if _is_poor(row, noise):
+        return f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} a fit of {percent:.0f} % only"
+    if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
         return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
     return None
 
@@ -134,7 +160,17 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("info", text + ".", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
-    words = _but(findings, row) if level == "good" else _drift_ends(findings, row)
+    words = _drift_ends(findings, row) if level != "good" else None
+    if not words and _is_foretold(findings, row, level):
+        text += f", {ratio:.2f} times that of the fitted samples, and no more than "
+        text += "noise and the uncertainty of the parameters let" if level == "warning" else "the uncertainty of the parameters lets"
+        text += f" expect (up to {with_unit(row['foretold'], row['unit'])})"
+        if level == "warning":
+            return say("info", f"{text}.", rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
+        text += ": they are not known well enough to predict there. A recording that moves as those samples do would tell; "
+        text += "`plantfit design` plans one."
+        return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
+    words = words or _but(findings, row, level)
     level = "warning" if words else level
     text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
     return say(level, text, rmse=row["rmse"], ratio=ratio)
@@ -146,6 +182,18 @@ def _drift_ends(findings: Findings, row: Row) -> str | None:
     return "the curve of its slow drift is level there, since a drift cannot be foretold" if drifts else None
 
 
+_POOR = ("warning", f"a fit of less than {POOR} % only")
+_CHANCE = ("info", "no worse than noise and the uncertainty of the parameters let expect")
+_FORETOLD = ("warning", "no worse than the uncertainty of the parameters lets expect, which are not known well enough to predict there")
+
+
+def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple[str, str]:
+    """Level and words for one of many recordings."""
+    if _is_foretold(findings, row, level):
+        return _CHANCE if level == "warning" else _FORETOLD
+    return _POOR if level != "bad" and _is_poor(row, noise) else (level, _HOLDS[level])
+
+
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
     bases = [_base(findings, r) for r in rows]
     text = (
@@ -155,10 +203,16 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
-    by = {level: [r for r, q in zip(rows, ratios, strict=True) if _held_level(q) == level] for level in _HOLDS}
-    held = "; ".join(f"{_HOLDS[level]} ({len(own)}: {_names(own)})" for level, own in by.items() if own)
+    noise = _most_noise(findings, output)
+    ends = [_end(findings, r, _held_level(q), noise) for r, q in zip(rows, ratios, strict=True)]
+    by = {
+        end: [r for r, own in zip(rows, ends, strict=True) if own == end]
+        for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
+        if end in ends
+    }
+    held = "; ".join(f"{words} ({len(own)}: {_names(own)})" for (_, words), own in by.items())
     yield say(
-        worst(k for k, own in by.items() if own),
+        worst(level for level, _ in by),
         f"{text}, {span(ratios, None)} times that of the fitted samples: {held}.",
         ratio=max(ratios),
     )
