@@ -1,7 +1,7 @@
 """Fits that the tests of all targets share."""
 
 import pytest
-from exported_plants import ARM, HEATER, answered
+from exported_plants import ARM, HEATER, ROOTS, answered
 
 
 @pytest.fixture(scope="session")
@@ -15,6 +15,11 @@ def arm():
     return answered(ARM, truth, {"w": {"initial": 0.5}, "a": {"initial": 0.1}}, ["y", "z"], 20.0)
 
 
-@pytest.fixture(params=["heater", "arm"])
+@pytest.fixture(scope="session")
+def roots():
+    return answered(ROOTS, {"k": 2.0, "tau": 3.0}, {"x": {"initial": 2.0}}, ["s", "l", "d"], 20.0)
+
+
+@pytest.fixture(params=["heater", "arm", "roots"])
 def answer(request):
     return request.getfixturevalue(request.param)

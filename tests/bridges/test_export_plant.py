@@ -13,7 +13,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from exported_plants import answered, same, series
+from exported_plants import UNDEFINED, answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
@@ -76,13 +76,37 @@ def test_casadi_simulates_the_plant(answer, tmp_path):
     same(module.simulate(t, u), answer)
     n = len(answer.problem.model.states)
     x, values = casadi.SX.sym("x", n), list(module.PARAMETERS.values())
-    jacobian = casadi.Function("j", [x], [casadi.jacobian(module.rates(x, np.r_[np.ones(2), 0.0], values), x)])
+    channels = np.r_[np.ones(len(module.INPUTS) + len(module.DELAYED)), 0.0]
+    jacobian = casadi.Function("j", [x], [casadi.jacobian(module.rates(x, channels, values), x)])
     point, step = np.full(n, 0.3), 1e-6
     slopes = [
-        (np.asarray(module.rates(point + step * e, np.r_[np.ones(2), 0.0], values)) - np.asarray(
-            module.rates(point - step * e, np.r_[np.ones(2), 0.0], values))) / (2 * step) for e in np.eye(n)
-    ]  # fmt: skip
+        np.asarray(module.rates(point + step * e, channels, values) - module.rates(point - step * e, channels, values)) / (2 * step)
+        for e in np.eye(n)
+    ]
     np.testing.assert_allclose(np.asarray(jacobian(point)), np.hstack(slopes), rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("to", ["python", "casadi"])
+def test_roots_and_logarithms_are_undefined_where_they_are_in_plantfit(roots, to, tmp_path):
+    if to == "casadi":
+        pytest.importorskip("casadi", reason="casadi is not installed: the exported functions are not run")
+    module = loaded(*export_plant(roots, to, tmp_path))
+    for x, *y in UNDEFINED:
+        np.testing.assert_allclose(np.ravel(module.outputs([x], [0.0, 0.0], list(module.PARAMETERS.values()))), y, rtol=1e-14)
+
+
+def test_roots_and_logarithms_in_c_are_undefined_where_they_are_in_plantfit(roots, tmp_path):
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not on this machine: the exported C is not compiled")
+    _, source = export_plant(roots, "c", tmp_path, name="plant")
+    library = tmp_path / "plant.so"
+    flags = ["-std=c99", "-O2", "-shared", "-fPIC", "-Dstatic="]  # its functions can be called from outside
+    subprocess.run(["gcc", *flags, "-o", library, source, "-lm"], check=True)
+    program, three = ctypes.CDLL(str(library)), ctypes.c_double * 3
+    for x, *y in UNDEFINED:
+        found = three()
+        program.outputs(three(x), three(), three(), found)
+        np.testing.assert_allclose(list(found), y, rtol=1e-14)
 
 
 def test_python_control_simulates_the_linear_plant(heater, tmp_path):

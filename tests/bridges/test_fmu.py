@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from exported_plants import MASS, answered, same, series
+from exported_plants import MASS, UNDEFINED, answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import export_plant
@@ -48,6 +48,14 @@ def test_fmpy_validates_and_simulates_the_plant(fmpy, answer, tmp_path):
     same(simulated(fmpy, file, answer), answer)
     other = {n: 1.1 * v for n, v in answer.values.items()}
     same(simulated(fmpy, file, answer, start_values=other), answer, factor=1.1)
+
+
+def test_roots_and_logarithms_are_undefined_where_they_are_in_plantfit(fmpy, roots, tmp_path):
+    (file,) = export_plant(roots, "fmu", tmp_path)
+    with instance(fmpy, file, tmp_path) as (one, place, _):
+        for x, *y in UNDEFINED:
+            one.setReal([place["x"]], [x])
+            np.testing.assert_allclose(one.getReal([place["s"], place["l"], place["d"]]), y, rtol=1e-14)
 
 
 def test_inputs_go_straight_with_the_derivatives_that_the_importer_gives(fmpy, mass, tmp_path):

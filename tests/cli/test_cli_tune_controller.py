@@ -94,7 +94,7 @@ def test_the_c_file_is_the_controller_that_was_tuned(place, tuned):
         check=True,
     )
     program, state = ctypes.CDLL(str(library)), ctypes.create_string_buffer(256)
-    program.heater_pid_init.argtypes, program.heater_pid_init.restype = (ctypes.c_void_p, ctypes.c_double), None
+    program.heater_pid_init.argtypes, program.heater_pid_init.restype = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double), None
     program.heater_pid_update.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
     program.heater_pid_update.restype = ctypes.c_double
     from plantfit.control import pid
@@ -108,9 +108,10 @@ def test_the_c_file_is_the_controller_that_was_tuned(place, tuned):
     y = 45 + np.cumsum(rng.normal(0, 0.3, 10_000)) * np.exp(-np.arange(10_000) / 4000)
     r = 45 + 5.0 * (np.arange(10_000) // 700 % 2)
     own = pid(w["period"], lower=w["lower"], upper=w["upper"])
-    state0 = own.init(jnp.asarray(y[0]), gains)
+    rest = 0.02 * w["upper"]
+    state0 = own.init(jnp.asarray(y[0]), gains).at_rest(y[0], rest, gains)
     _, truth = jax.lax.scan(lambda s, v: own.update(s, v[0], v[1], gains), state0, (jnp.asarray(y), jnp.asarray(r)))
-    program.heater_pid_init(state, y[0])
+    program.heater_pid_init(state, y[0], rest)
     found = np.array([program.heater_pid_update(state, a, b) for a, b in zip(y, r, strict=True)])
     assert found.min() == w["lower"]
     assert found.max() == w["upper"]

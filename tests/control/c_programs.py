@@ -31,17 +31,17 @@ def compiled(files) -> ctypes.CDLL:
 
 
 class PidProgram:
-    """A PID as exported: `begin(measurement)`, `update(measurement, reference)`; whole numbers in fixed point."""
+    """A PID as exported: `begin(measurement, command)`, `update(measurement, reference)`; whole numbers in fixed point."""
 
     def __init__(self, files, number: str):
         self.name, self.kind, self.state = Path(files.source).stem, TYPES[number], ctypes.create_string_buffer(4096)
         library = compiled(files)
         self._init, self._update = getattr(library, f"{self.name}_init"), getattr(library, f"{self.name}_update")
-        self._init.argtypes, self._init.restype = (ctypes.c_void_p, self.kind), None
+        self._init.argtypes, self._init.restype = (ctypes.c_void_p, self.kind, self.kind), None
         self._update.argtypes, self._update.restype = (ctypes.c_void_p, self.kind, self.kind), self.kind
 
-    def begin(self, measurement) -> None:
-        self._init(self.state, measurement)
+    def begin(self, measurement, command: float = 0) -> None:
+        self._init(self.state, measurement, command)
 
     def update(self, measurement, reference):
         return self._update(self.state, measurement, reference)

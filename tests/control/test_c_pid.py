@@ -38,19 +38,19 @@ def signals(n=1000, seed=5):
     return y, np.repeat(rng.uniform(0.5, 1.0, n // 100) * (-1.0) ** np.arange(n // 100), 100)
 
 
-def commands(controller, reference, measured, gains):
-    """Commands (n,) of the Python controller, at rest before, at the first measurement."""
+def commands(controller, reference, measured, gains, rest=0.0):
+    """Commands (n,) of the Python controller, at rest before, at the first measurement with the command `rest`."""
 
     def sample(state, both):
         return controller.update(state, both[1], both[0], gains)
 
     measured = jnp.asarray(measured, dtype=float)
-    begun = jax.tree.map(jnp.asarray, controller.init(measured[0], gains))
+    begun = jax.tree.map(jnp.asarray, controller.init(measured[0], gains).at_rest(measured[0], rest, gains))
     return np.asarray(jax.jit(lambda: jax.lax.scan(sample, begun, (jnp.asarray(reference, dtype=float), measured))[1])())
 
 
-def exported(program, measured, reference):
-    program.begin(measured[0])
+def exported(program, measured, reference, rest: float = 0):
+    program.begin(measured[0], rest)
     return np.array([program.update(y, r) for y, r in zip(measured, reference, strict=True)])
 
 
@@ -58,8 +58,8 @@ def exported(program, measured, reference):
 @pytest.mark.parametrize("number", ["double", "float"])
 def test_a_pid_equals_its_python_to_rounding(tmp_path, number, gains, options):
     y, r = (a.astype(REAL[number]).astype(float) for a in signals())
-    ours = commands(pid(H, **options), r, y, gains)
-    told = exported(PidProgram(pid_to_c(gains, tmp_path, period=H, number=number, **options), number), y, r)
+    ours = commands(pid(H, **options), r, y, gains, 0.25)
+    told = exported(PidProgram(pid_to_c(gains, tmp_path, period=H, number=number, **options), number), y, r, 0.25)
     scale = 1e-12 if number == "double" else 30 * EPS  # 1000 sums of an integral
     np.testing.assert_allclose(told, ours, rtol=scale, atol=scale * np.abs(ours).max())
     if options.get("upper") == 2.0 and options.get("anti_windup") != "none":
@@ -77,13 +77,27 @@ def test_a_fixed_point_pid_stays_within_its_stated_error(tmp_path, number, bits,
     largest = 2 ** (bits - 1) - 1
     y, r = (np.clip(np.rint(a / step), -largest - 1, largest).astype(int) for a in signals())
     held = {"lower": -full[1], "upper": largest * unit} | {k: v for k, v in options.items() if k in LIMITS}
-    ours = commands(pid(H, **(options | held)), r * step, y * step, gains) / unit
-    told = exported(PidProgram(files, number), y.tolist(), r.tolist())
+    rest = round(0.25 / unit)
+    ours = commands(pid(H, **(options | held)), r * step, y * step, gains, rest * unit) / unit
+    told = exported(PidProgram(files, number), y.tolist(), r.tolist(), rest)
     bound = macro(files, "PID_ERROR_BOUND")
     assert np.max(np.abs(told - ours)) <= bound
     assert bound < (1.2 if number == "q15" else 400.0)
     assert max(told) <= held["upper"] / unit
     assert min(told) >= held["lower"] / unit
+
+
+@pytest.mark.parametrize(("gains", "options"), KINDS, ids=IDS)
+@pytest.mark.parametrize("number", ["double", "float", "q15", "q31"])
+def test_a_pid_begins_at_the_command_that_holds_the_plant(tmp_path, number, gains, options):
+    full = {"measurement": 1.0, "command": 4.0} if number[0] == "q" else None
+    files = pid_to_c(gains, tmp_path, period=H, number=number, full_scale=full, **options)
+    step = macro(files, "PID_MEASUREMENT_STEP") if full else 1.0
+    unit = macro(files, "PID_COMMAND_STEP") if full else 1.0
+    y, rest = (0.75 / step, 0.5 / unit) if full is None else (round(0.75 / step), round(0.5 / unit))
+    told = unit * np.array(exported(PidProgram(files, number), [y] * 50, [y] * 50, rest))
+    np.testing.assert_allclose(told, 0.5, rtol=1e-15 if number != "float" else 2 * EPS)
+    assert "the command at which the plant rests there" in files.header.read_text()
 
 
 def test_the_integral_of_a_fixed_point_pid_forgets_nothing(tmp_path):

@@ -180,7 +180,7 @@ class CascadeProgram(PidProgram):
 
     def __init__(self, files):
         super().__init__(files, "double")
-        self._init.argtypes, self._update.argtypes = (*self._init.argtypes, self.kind, self.kind), (*self._update.argtypes, self.kind)
+        self._init.argtypes, self._update.argtypes = (*self._init.argtypes, self.kind), (*self._update.argtypes, self.kind)
 
     def begin(self, outer, inner, command):
         self._init(self.state, outer, inner, command)

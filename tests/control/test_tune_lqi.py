@@ -165,10 +165,6 @@ class ServoProgram(PidProgram):
 
     def __init__(self, files):
         super().__init__(files, "double")
-        self._init.argtypes = (*self._init.argtypes, self.kind)
-
-    def begin(self, measurement, command):
-        self._init(self.state, measurement, command)
 
 
 @pytest.fixture(scope="module")  # of slow tests: four searches are compiled

@@ -51,6 +51,11 @@ CASADI = COMMON | {n: f"ca.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
 }  # fmt: skip
 TRUNCATED = {"python": "np.trunc({0})", "c": "trunc({0})", "casadi": "ca.sign({0})*ca.floor(ca.fabs({0}))"}
 LANGUAGES = {"python": PYTHON, "c": C, "casadi": CASADI}
+NOT_FINITE = {
+    "python": {"nan": "np.nan", "inf": "np.inf", "-inf": "(-np.inf)"},
+    "c": {"nan": "NAN", "inf": "INFINITY", "-inf": "(-INFINITY)"},  # of math.h
+    "casadi": {"nan": "np.nan", "inf": "np.inf", "-inf": "(-np.inf)"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,9 +103,7 @@ class _Writer:
         if array.dtype == bool:
             return ("1" if array.item() else "0") if self.language != "python" else str(array.item())
         text = repr(float(array.item()))
-        if text in ("inf", "-inf", "nan"):
-            raise ModelError(_refusal(self.model, self.language, f"the number {text}"))
-        return f"({text})" if text.startswith("-") else text
+        return NOT_FINITE[self.language].get(text) or (f"({text})" if text.startswith("-") else text)
 
     def write(self, jaxpr: Any, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
         known = dict(zip((*jaxpr.constvars, *jaxpr.invars), (*constants, *inputs), strict=True))

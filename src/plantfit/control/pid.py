@@ -63,6 +63,10 @@ class PidState(NamedTuple):
     error: Any
     weighted: Any
 
+    def at_rest(self, measurement: Any, command: Any, gains: Gains) -> "PidState":
+        """This state with the integral part at which `command` is given while the reference is the measurement."""
+        return self._replace(integral=command - gains.Kp * (gains.b - 1.0) * measurement)
+
 
 def pid(
     period: float,
@@ -80,7 +84,8 @@ def pid(
 
     anti_windup "clamping": the integral rests while the command is beyond a limit and the error drives it
     further; "back-calculation": I += period / tracking_time (limited command - command), with tracking_time
-    in seconds (at least `period`); "none". At the first sample the loop rested at reference = measurement.
+    in seconds (at least `period`); "none". Integral and derivative part begin at 0, with reference and measurement equal before: the first
+    command is Kp (b r - y). `PidState.at_rest` begins at a command that holds the plant, as the exported C does.
 
     Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section 8.5 (derivative: eq. 8.26,
     anti-windup: section 8.5); Astrom, Hagglund, Advanced PID Control, section 3.5 (conditional integration).

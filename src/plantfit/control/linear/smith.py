@@ -54,7 +54,7 @@ def smith(period: float, ahead: int, anti_windup: str) -> Controller:
         s, rest, _ = parameters
         x = s.steady * (rest - s.u0)
         fast = s.C @ x
-        inner = init_pid(measurement, s.gains)._replace(integral=rest - s.gains.Kp * (s.gains.b - 1.0) * measurement)
+        inner = init_pid(measurement, s.gains).at_rest(measurement, rest, s.gains)
         return SmithState(inner, x, jnp.full(ahead, fast), measurement - s.y0 - fast)
 
     def update(state, measurement, reference, parameters):

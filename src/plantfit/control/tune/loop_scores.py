@@ -123,7 +123,7 @@ def pid_of_limits(period: float, anti_windup: str) -> Controller:
 
     def init(measurement, parameters):
         gains, rest, _ = parameters
-        return init_pid(measurement, gains)._replace(integral=rest - gains.Kp * (gains.b - 1.0) * measurement)
+        return init_pid(measurement, gains).at_rest(measurement, rest, gains)
 
     def update(state, measurement, reference, parameters):
         gains, rest, limits = parameters

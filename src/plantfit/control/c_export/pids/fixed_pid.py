@@ -21,8 +21,9 @@ struct ${name} {
     ${word} reference, measurement; /* of the last sample */
 };
 
-/* Once, with the first measurement: the loop rested there, with the reference at it. */
-void ${name}_init(struct ${name} *state, ${word} measurement);
+/* Once, with the first measurement and the command at which the plant rests there, within its limits:
+ * while measurement and reference stay at it, so does the command. Where it is not known, give the command of the moment. */
+void ${name}_init(struct ${name} *state, ${word} measurement, ${word} command);
 
 /* The command, once a period. */
 ${word} ${name}_update(struct ${name} *state, ${word} measurement, ${word} reference);
@@ -54,9 +55,11 @@ static int64_t within(int64_t value, int64_t low, int64_t high)
     return value < low ? low : value > high ? high : value;
 }
 ${fraction_of}
-void ${name}_init(struct ${name} *state, ${word} measurement)
+void ${name}_init(struct ${name} *state, ${word} measurement, ${word} command)
 {
-    state->integral = 0;
+    const int64_t y = measurement, proportional = shifted(KP_REFERENCE * y - KP_MEASUREMENT * y, KP_SHIFT);
+
+    state->integral = within(command, LOWER_STEPS, UPPER_STEPS) * (INT64_C(1) << ${fraction}) - proportional;
     state->derivative = 0;
     state->remainder = 0;
     state->reference = measurement;

@@ -14,8 +14,9 @@ struct ${name} {
     ${real} error, weighted;      /* reference - measurement, c reference - measurement, of the last sample */
 };
 
-/* Once, with the first measurement: the loop rested there, with the reference at it. */
-void ${name}_init(struct ${name} *state, ${real} measurement);
+/* Once, with the first measurement and the command at which the plant rests there:
+ * while measurement and reference stay at it, so does the command. Where it is not known, give the command of the moment. */
+void ${name}_init(struct ${name} *state, ${real} measurement, ${real} command);
 
 /* The command, once a period. */
 ${real} ${name}_update(struct ${name} *state, ${real} measurement, ${real} reference);
@@ -27,9 +28,9 @@ DEFINED = Template("""#define KP ${Kp}
 #define B ${b} /* weight of the set point in the proportional part */
 #define C ${c} /* and in the derivative part */
 ${more}
-void ${name}_init(struct ${name} *state, ${real} measurement)
+void ${name}_init(struct ${name} *state, ${real} measurement, ${real} command)
 {
-    state->integral = ${zero};
+    state->integral = command - KP * (B - ${one}) * measurement;
     state->derivative = ${zero};
     state->error = ${zero};
     state->weighted = (C - ${one}) * measurement;

@@ -21,7 +21,8 @@ struct ${name} {
     struct ${name}_pid pid[${n}];
 };
 
-/* Once, at the first measurement: the plant rested there. */
+/* Once, at the first measurement. Integral and derivative parts begin at 0: the first command is that of the point above and, of each PID,
+ * Kp (b reference - measurement). */
 void ${name}_init(struct ${name} *state, const ${real} *measurement);
 
 /* The command, once a period. `reference` holds the outputs to follow; 0 for those of the point above. */

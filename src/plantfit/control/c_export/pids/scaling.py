@@ -90,10 +90,11 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
     error_p = 2.0 * p.error * top + place
     error_d = 4.0 * d.error * top + (2.0 * place + 0.5 * 2.0**-UNIT * worst_d) / rest
     error_i = place + (0.5 / abs(i.mantissas[0]) * integral if i.mantissas[0] else 0.0)
+    # the integral begins at the command at rest less a proportional part: an error_p more
     if follow:
         share, excess = follow * 2.0**-UNIT, integral + worst_p + worst_d
         error_i = (2.0 * error_i + place + 0.5 * 2.0**-UNIT * excess) / share + error_p + error_d
-    bound = 1.0 + error_p + error_d + error_i + 1e-15 * integral * (settings.anti_windup != "none")
+    bound = 1.0 + 2.0 * error_p + error_d + error_i + 1e-15 * integral * (settings.anti_windup != "none")
     return Scaling(bits, steps, p, i, d, kept, follow, limits, bound, integral)
 
 
