@@ -66,9 +66,9 @@ class DelayTable:
         moving = sorted(names & {*self.declared.inputs, *self.declared.states})
         if moving or names & {"t"}:
             message = (
-                f"A dead time has to be a parameter, a constant or a number of seconds: one that changes with {', '.join(moving) or 'time'} is "
-                f"not there yet. Write delay({delayed}, L) with a parameter L, which holds for one operating point, and let it differ between "
-                "recordings with per_recording = true."
+                "A dead time has to be a parameter, a constant or a number of seconds: one that changes with "
+                f"{', '.join(moving) or 'time'} is not there yet. Write delay({delayed}, L) with a parameter L, which holds for one "
+                "operating point, and let it differ between recordings with per_recording = true."
             )
             raise EquationError(message, self.text, *time.start)
         known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
