@@ -19,6 +19,7 @@ MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
 UNMOVED = "but no column moves it, so it may be a disturbance"
 STILL = 0.1  # share of its changes, below which a column counts as moved by no other
+SPARSE = 0.5  # share of samples that are there, below which a column is measured: an input has to be known at all times
 
 _PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
 _INPUT = re.compile(
@@ -80,39 +81,43 @@ def roles_of(content: Table) -> Roles:
     """The roles of a table's columns.
 
     Evidence for an input: its name and unit, that it holds its value and jumps, and that its past tells the future of others while
-    theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite.
+    theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite. A column of which most samples
+    are missing is an output, as of a laboratory, where others are there throughout.
     """
     content = widened(content)
     time = guess_time(content)
     found: list[Role] = []
     values: dict[str, np.ndarray] = {}
     kept: dict[str, Column] = {}
+    missing: dict[str, int] = {}
     for column in content.columns:
         own = _alone(content, column, column is time)
         found.append(own[0])
         if own[1] is not None:
             values[column.header], kept[column.header] = own[1], column
-    judged = _judged(kept, values) if values else {}
+            missing[column.header] = own[2]
+    judged = _judged(kept, values, missing) if values else {}
     return Roles(tuple(judged.get(role.header, role) for role in found))
 
 
-def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndarray | None]:
-    """The role that a column has whatever the others are, or its values (n,) without gaps."""
+def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndarray | None, int]:
+    """The role that a column has whatever the others are, or its values (n,) without gaps; and how many are missing."""
     base = Role(column.header, identifier(column.name), column.unit, "text", "", True)
     if is_time:
-        return replace(base, kind="time"), None
+        return replace(base, kind="time"), None, 0
     if not mostly_numbers(content, column):
-        return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None
+        return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None, 0
     v = casted(content, column.cells)[0]
     there = np.flatnonzero(np.isfinite(v))
     if v[there].min() == v[there].max():
-        return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None
+        return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None, 0
+    gaps = len(v) - len(there)
     v = v[np.maximum.accumulate(np.where(np.isfinite(v), np.arange(len(v)), there[0]))]
     with np.errstate(over="ignore"):
         steps = np.diff(v)
     if np.all(steps == 1) or (np.all(steps == steps[0]) and _said(column, _COUNT)):
-        return replace(base, kind="index", why="it counts the rows"), None
-    return base, v
+        return replace(base, kind="index", why="it counts the rows"), None, 0
+    return base, v, gaps
 
 
 def _words(column: Column) -> list[str]:
@@ -123,22 +128,25 @@ def _said(column: Column, words: re.Pattern[str]) -> bool:
     return any(words.fullmatch(word) for word in _words(column))
 
 
-def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> dict[str, Role]:
+def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]) -> dict[str, Role]:
     heads, n = list(columns), min(map(len, values.values()))
     stride = max(1, n // MOST)
     v = np.column_stack([values[h][::stride] for h in heads])
     goals = {h for h in heads if _said(columns[h], _GOAL)}
-    copies = _copies([h for h in heads if h not in goals], columns, dict(zip(heads, v.T, strict=True)))
+    sparse = {h for h in heads if h not in goals and missing[h] > (1 - SPARSE) * n}
+    if len(sparse) == len(heads) - len(goals):  # a long table, of which each row holds one column: then nothing is told by what is missing
+        sparse = set()
+    copies = _copies([h for h in heads if h not in goals and h not in sparse], columns, dict(zip(heads, v.T, strict=True)))
     if len(heads) - len(goals) - len(copies) < 2:  # nothing but set points: then they are inputs
         goals = set()
-    own = [h for h in heads if h not in goals and h not in copies]
+    own = [h for h in heads if h not in goals and h not in copies and h not in sparse]
     v = v[:, [heads.index(h) for h in own]]
     v = v / np.abs(v).max(axis=0)  # squares of values near the end of float64 overflow
     tells = _tells(v) if len(own) > 1 else np.zeros((len(own), len(own)))
     evidence, reasons = zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
     inputs = [k for k in range(len(own)) if evidence[k] > 0]
     forced = None
-    if not inputs or len(inputs) == len(own):
+    if not inputs or (len(inputs) == len(own) and not sparse):
         forced = int(np.argmax(evidence) if not inputs else np.argmin(evidence))
         inputs = [forced] if not inputs else [k for k in inputs if k != forced]
     found: dict[str, Role] = {}
@@ -150,6 +158,9 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
         sure = abs(evidence[k]) >= SURE and k != forced and not alone
         why = reasons[k][kind] or "nothing speaks against it"
         found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
+    for h in sparse:
+        why = "most of its samples are missing, where an input is known at all times"
+        found[h] = _role(columns[h], "output", why, _named(columns[h]) <= 0)
     for h in goals:
         found[h] = _role(columns[h], "set point", "a set point by its name", True)
     for h, of in copies.items():
@@ -197,11 +208,9 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         total += weight
         said["input" if weight > 0 else "output"].append(clause)
 
-    words = [(1.0 if _INPUT.fullmatch(w) else -1.0) for w in _words(column) if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))]
-    if not words and _said(column, _MEASURED):
-        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]  # the output of a controller
-    if words:
-        add(1.2 * float(np.sign(words[-1] if sum(words) == 0 else sum(words))), "its name")
+    named = _named(column)
+    if named:
+        add(1.2 * named, "its name")
     if column.unit in _IN_UNITS or column.unit in _OUT_UNITS:
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
     jumps = _jumps(v)
@@ -214,6 +223,14 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         if abs(lead) > 0.3:
             add(1.2 * lead, "other columns react to it" if lead > 0 else "it reacts to another column")
     return total, {kind: ", ".join(clauses) for kind, clauses in said.items()}
+
+
+def _named(column: Column) -> float:
+    """1 where the name is that of an input, -1 of an output, 0 of neither."""
+    words = [(1.0 if _INPUT.fullmatch(w) else -1.0) for w in _words(column) if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))]
+    if not words and _said(column, _MEASURED):
+        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]  # the output of a controller
+    return float(np.sign(words[-1] if sum(words) == 0 else sum(words))) if words else 0.0
 
 
 def _jumps(v: np.ndarray) -> float:
