@@ -271,3 +271,21 @@ def test_what_cannot_become_a_study_is_told_with_the_place(file, text, told, tmp
     said = call(capsys, monkeypatch, "init", file, "--yes")
     assert said.code == 3
     assert told in " ".join(said.err.split())
+
+
+def test_a_study_with_samples_of_a_laboratory_passes_check(tmp_path, capsys, monkeypatch):
+    """One biomass and one substrate an hour, and a feed that is held: as a fermenter's file."""
+    rows = ["time [h],feed [ml/h],S [g/l]"]
+    level = 9.0
+    for k in range(113):
+        feed = 0.0 if k < 40 else 20.0 + 10.0 * (k // 24)
+        level += 0.25 * (0.02 * feed - 0.1 * level)
+        rows.append(f"{0.25 * k:.2f},{feed},{f'{level:.2f}' if k % 11 == 0 else ''}")
+    (tmp_path / "lab.csv").write_text("\n".join(rows))
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "init", "lab.csv", "-y")
+    assert said.code == 0, said.err
+    assert "S answers to feed." in said.out
+    said = call(capsys, monkeypatch, "check", "lab.toml")
+    assert said.code == 0, said.err
+    assert "ready: plantfit run" in said.out

@@ -84,3 +84,19 @@ def test_check_tells_what_least_squares_solves_for(tmp_path, monkeypatch, capsys
     text = (tmp_path / "study.toml").read_text().replace("q = g*h", "q = g*h^2").replace("y = h\n", "y = exp(h)\n")
     (tmp_path / "study.toml").write_text(text)
     assert json.loads(call(capsys, monkeypatch, "check", "study.toml", "--json").out)["solved_for"] == ["g"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"), [("1", "y 1 (the only"), ("-", "y 1 (the only"), ("", "y 1 (the only"), ("m", "y 1 m (the only")]
+)
+def test_a_weight_without_unit_is_one_number(tmp_path, monkeypatch, capsys, unit, told):
+    tank(tmp_path, "")
+    monkeypatch.chdir(tmp_path)
+    text = (tmp_path / "study.toml").read_text().replace('y = "m", q = "V"', f'y = "{unit}"').replace("q = g*h\n", "")
+    text = text.replace('y = "y [m]", q = "q [V]"', 'y = "y"').replace("g = { bounds = [0.1, 10.0] }\n", "").replace('unit = "m", ', "")
+    (tmp_path / "study.toml").write_text(text)
+    rows = (tmp_path / "tank.csv").read_text()
+    (tmp_path / "tank.csv").write_text(rows.replace("y [m]", "y"))
+    said = call(capsys, monkeypatch, "check", "study.toml")
+    assert said.code == 0, said.err
+    assert f"residuals that count as 1: {told}" in " ".join(said.out.split())

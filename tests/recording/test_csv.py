@@ -7,6 +7,7 @@ import pytest
 
 import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
+from plantfit.recording.readers.columns import split_header
 
 T, U, W = [0.0, 0.01, 0.02], [0.0, 1.5, -2.25], [10.0, 20.5, 30.0]
 
@@ -217,3 +218,34 @@ def test_times_since_1970_are_not_taken_for_seconds(tmp_path, first, unit, step)
     with pytest.raises(UnitError, match=f"time_unit = '{unit}'"):
         rec.read(path)
     np.testing.assert_allclose(np.diff(rec.read(path, time_unit=unit).t), 0.01, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        *[("t/s", "t", "s"), ("Pm/MW", "Pm", "MW"), ("f/mHz", "f", "mHz"), ("T/°C", "T", "°C"), ("p/bar", "p", "bar")],
+        *[("v/(m/s)", "v", "m/s"), ("n / min^-1", "n", "min^-1"), ("Druck / bar", "Druck", "bar"), ("pA/bar", "pA", "bar")],
+        *[("U_L/V", "U_L", "V"), ("m/kg", "m", "kg"), ("Zeit t/s", "Zeit t", "s"), ("y/%", "y", "%"), ("φ/°", "φ", "°")],
+    ],
+)
+def test_a_quantity_over_its_unit_is_a_name_and_a_unit(header, name, unit):
+    assert split_header(header) == (name, unit)
+
+
+RATIOS = "a/b on/off in/out km/h m/s l/min mV/V v_m/s A/F x/y P/V L/D I/O N/A V/F air/F T/T0 Vin/Vout m/s^2 1/min N/m K/min S/N r/min"
+
+
+@pytest.mark.parametrize("header", [*RATIOS.split(), "flow l/min", "speed m/s"])
+def test_ratios_choices_and_units_by_themselves_stay_names(header):
+    assert split_header(header) == (header, None)
+
+
+def test_a_file_of_quotients_and_one_of_paths(tmp_path):
+    (tmp_path / "a.csv").write_text("t/s;Pm/MW;f/mHz\n0.00;70;1\n0.02;71;2\n0.04;72;3\n")
+    found = rec.read_csv(tmp_path / "a.csv")
+    assert {n: s.unit for n, s in found.signals.items()} == {"Pm": "MW", "f": "mHz"}
+    assert any("in s (stated by the file)" in line for line in found.log)
+    old = rec.read_csv(tmp_path / "a.csv", time="t/s", signals={"P": "Pm_MW", "f": "f/mHz"}, units={"P": "MW"})
+    assert old.signals["P"].unit == "MW"
+    (tmp_path / "b.csv").write_text("time,pump/A,pump/B\n0,70,1\n1,71,2\n2,72,3\n")
+    assert {n: s.unit for n, s in rec.read_csv(tmp_path / "b.csv").signals.items()} == {"pump_A": None, "pump_B": None}

@@ -214,3 +214,67 @@ def test_a_long_table_becomes_wide_and_other_tables_stay(tmp_path):
     assert found["u"].tolist() == [k % 3 for k in range(10)]
     file.write_text("time,mode,value\n" + "\n".join(f"{k},{'auto' if k % 2 else 'hand'},{k}" for k in range(10)))
     assert read(file).signals.keys() == {"value"}
+
+
+def sampled(gaps_of_u, gaps_of_c, name="u", n=240):
+    """An input that is held, a lag that is measured throughout, and a slower one, c; every so many samples are there (1: all)."""
+    rng = np.random.default_rng(4)
+    u = steps(rng, n, 20, 0, 10)
+    y, c = lag(u, 1.0, 6.0), lag(u, 1.0, 25.0)
+
+    def there(v, every):
+        cells = [f"{a:.4f}" for a in v]
+        return [cell if (k % every == 0) == (every > 0) else None for k, cell in enumerate(cells)]
+
+    times = pl.Series([f"{k}" for k in range(n)])
+    cells = [times, pl.Series(there(u, gaps_of_u)), pl.Series([f"{a:.4f}" for a in y]), pl.Series(there(c, gaps_of_c))]
+    return roles_of(Table("lab.csv", named_columns(["time", name, "y", "c"], cells)))
+
+
+def test_what_a_laboratory_measures_is_an_output():
+    roles = sampled(1, 12)
+    assert headers(roles, "input") == {"u"}
+    assert headers(roles, "output") == {"y", "c"}
+    assert "missing" in roles.of("output")[1].why
+    assert not roles.unsure
+
+
+def test_an_input_with_few_gaps_stays_one_and_where_all_is_sparse_nothing_is_told_by_it():
+    roles = sampled(-9, 12)  # every ninth sample is missing
+    assert headers(roles, "input") == {"u"}
+    few = sampled(1, -9)
+    assert headers(few, "output") == {"y", "c"}
+    assert "missing" not in few.of("output")[1].why
+    valve = sampled(12, 1, name="valve")  # written only where it changes, by its name an input
+    assert {r.header for r in valve.unsure} >= {"valve"}
+
+
+def test_a_table_of_which_each_row_holds_one_column_keeps_its_input():
+    rng = np.random.default_rng(4)
+    u = steps(rng, 240, 20, 0, 10)
+    y, z = lag(u, 1.0, 6.0), lag(u, 1.0, 25.0)
+    cells = [pl.Series([f"{a:.4f}" if k % 3 == j else None for k, a in enumerate(v)]) for j, v in enumerate((u, y, z))]
+    roles = roles_of(Table("x.csv", named_columns(["time", "u", "y", "z"], [pl.Series([f"{k}" for k in range(240)]), *cells])))
+    assert headers(roles, "input") == {"u"}
+    assert headers(roles, "output") == {"y", "z"}
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "time"),
+    [
+        ("clk", [f"{0.02 * k:.2f}" for k in range(60)], True),
+        ("clk", [f"{k / 30:.3f}".replace(".", ",") for k in range(60)], True),  # steps of 0.033 and 0.034
+        ("clk", [f"{0.02 * k + 0.01 * (k > 30):.3f}" for k in range(60)], False),  # a gap
+        ("clk", [f"{5 * k}" for k in range(60)], False),  # whole numbers may count
+        ("clk", [f"{0.02 * k * k:.2f}" for k in range(60)], False),
+        ("clk [mm]", [f"{0.02 * k:.2f}" for k in range(60)], False),
+        ("speed", [f"{0.02 * k:.2f}" for k in range(60)], False),
+    ],
+)
+def test_a_first_column_that_rises_evenly_is_time(name, cells, time):
+    u = steps(np.random.default_rng(4), 60, 20, 0, 10)
+    columns = [pl.Series(cells), pl.Series(u), pl.Series(lag(u, 1.0, 6.0))]
+    roles = roles_of(Table("x.csv", named_columns([name, "u", "y"], columns)))
+    assert (headers(roles, "time") == {name}) is time
+    other = roles_of(Table("x.csv", named_columns(["u", name, "y"], [columns[1], columns[0], columns[2]])))
+    assert not headers(other, "time")

@@ -13,28 +13,15 @@ from plantfit.recording.readers.clock import guess_time
 from plantfit.recording.readers.columns import Column, Table, identifier
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import casted, mostly_numbers
+from plantfit.recording.readers.words import COUNT, GOAL, named, said
 
 Kind = Literal["time", "index", "input", "output", "constant", "set point", "copy", "text", "empty"]
 MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
 UNMOVED = "but no column moves it, so it may be a disturbance"
 STILL = 0.1  # share of its changes, below which a column counts as moved by no other
+SPARSE = 0.5  # share of samples that are there, below which a column is measured: an input has to be known at all times
 
-_PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
-_INPUT = re.compile(
-    r"(?:u|in|inp|input|volt|volts|voltage|pwm|duty|heater|heating|heat|valve|pump|fan|cmd|command|control|controller|co|mv|op|actuator|act|drive|"
-    r"motor|throttle|torque|tau|force|excitation|stimulus|power|q|ain|dac|ao|eingang|spannung|ventil|pumpe|heizung|heizer|heizleistung|"
-    r"stellgröße|stellgrad|stellwert|leistung|lüfter|drehmoment|tension|commande|vanne|pompe|chauffage|puissance|entrée|entree)"
-)
-_OUTPUT = re.compile(
-    r"(?:y|out|temp|temperature|speed|rpm|velocity|vel|omega|w|position|pos|angle|theta|phi|level|height|pressure|flow|pv|"
-    r"response|tacho|encoder|enc|displacement|acceleration|acc|concentration|ph|humidity|current|i|t|x|outlet|level|adc|"
-    r"drehzahl|temperatur|geschwindigkeit|winkel|füllstand|niveau|druck|durchfluss|istwert|ist|ausgang|strom|lage|weg|"
-    r"température|vitesse|mesure|sortie|pression|débit|courant|angle)"
-)
-_MEASURED = re.compile(r"(?:meas|measured|measurement|sensor|output)")  # where no other word tells
-_GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|soll|sollwert|consigne|goal|setvalue)")
-_COUNT = re.compile(r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)")
 _OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s", "m/s^2", "bar", "Pa",
               "kPa", "l/min", "L/min", "m^3/h", "tr/min", "A", "mA"}  # fmt: skip
 _IN_UNITS = {"V", "mV", "%", "N", "N*m", "Nm", "W", "kW"}
@@ -80,65 +67,64 @@ def roles_of(content: Table) -> Roles:
     """The roles of a table's columns.
 
     Evidence for an input: its name and unit, that it holds its value and jumps, and that its past tells the future of others while
-    theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite.
+    theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite. A column of which most samples
+    are missing is an output, as of a laboratory, where others are there throughout.
     """
     content = widened(content)
     time = guess_time(content)
     found: list[Role] = []
     values: dict[str, np.ndarray] = {}
     kept: dict[str, Column] = {}
+    missing: dict[str, int] = {}
     for column in content.columns:
         own = _alone(content, column, column is time)
         found.append(own[0])
         if own[1] is not None:
             values[column.header], kept[column.header] = own[1], column
-    judged = _judged(kept, values) if values else {}
+            missing[column.header] = own[2]
+    judged = _judged(kept, values, missing) if values else {}
     return Roles(tuple(judged.get(role.header, role) for role in found))
 
 
-def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndarray | None]:
-    """The role that a column has whatever the others are, or its values (n,) without gaps."""
+def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndarray | None, int]:
+    """The role that a column has whatever the others are, or its values (n,) without gaps; and how many are missing."""
     base = Role(column.header, identifier(column.name), column.unit, "text", "", True)
     if is_time:
-        return replace(base, kind="time"), None
+        return replace(base, kind="time"), None, 0
     if not mostly_numbers(content, column):
-        return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None
+        return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None, 0
     v = casted(content, column.cells)[0]
     there = np.flatnonzero(np.isfinite(v))
     if v[there].min() == v[there].max():
-        return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None
+        return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None, 0
+    gaps = len(v) - len(there)
     v = v[np.maximum.accumulate(np.where(np.isfinite(v), np.arange(len(v)), there[0]))]
     with np.errstate(over="ignore"):
         steps = np.diff(v)
-    if np.all(steps == 1) or (np.all(steps == steps[0]) and _said(column, _COUNT)):
-        return replace(base, kind="index", why="it counts the rows"), None
-    return base, v
+    if np.all(steps == 1) or (np.all(steps == steps[0]) and said(column, COUNT)):
+        return replace(base, kind="index", why="it counts the rows"), None, 0
+    return base, v, gaps
 
 
-def _words(column: Column) -> list[str]:
-    return [w.lower() for w in _PARTS.findall(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column.name.rpartition(".")[2] or column.name))]
-
-
-def _said(column: Column, words: re.Pattern[str]) -> bool:
-    return any(words.fullmatch(word) for word in _words(column))
-
-
-def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> dict[str, Role]:
+def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]) -> dict[str, Role]:
     heads, n = list(columns), min(map(len, values.values()))
     stride = max(1, n // MOST)
     v = np.column_stack([values[h][::stride] for h in heads])
-    goals = {h for h in heads if _said(columns[h], _GOAL)}
-    copies = _copies([h for h in heads if h not in goals], columns, dict(zip(heads, v.T, strict=True)))
+    goals = {h for h in heads if said(columns[h], GOAL)}
+    sparse = {h for h in heads if h not in goals and missing[h] > (1 - SPARSE) * n}
+    if len(sparse) == len(heads) - len(goals):  # a long table, of which each row holds one column: then nothing is told by what is missing
+        sparse = set()
+    copies = _copies([h for h in heads if h not in goals and h not in sparse], columns, dict(zip(heads, v.T, strict=True)))
     if len(heads) - len(goals) - len(copies) < 2:  # nothing but set points: then they are inputs
         goals = set()
-    own = [h for h in heads if h not in goals and h not in copies]
+    own = [h for h in heads if h not in goals and h not in copies and h not in sparse]
     v = v[:, [heads.index(h) for h in own]]
     v = v / np.abs(v).max(axis=0)  # squares of values near the end of float64 overflow
     tells = _tells(v) if len(own) > 1 else np.zeros((len(own), len(own)))
     evidence, reasons = zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
     inputs = [k for k in range(len(own)) if evidence[k] > 0]
     forced = None
-    if not inputs or len(inputs) == len(own):
+    if not inputs or (len(inputs) == len(own) and not sparse):
         forced = int(np.argmax(evidence) if not inputs else np.argmin(evidence))
         inputs = [forced] if not inputs else [k for k in inputs if k != forced]
     found: dict[str, Role] = {}
@@ -150,6 +136,9 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray]) -> 
         sure = abs(evidence[k]) >= SURE and k != forced and not alone
         why = reasons[k][kind] or "nothing speaks against it"
         found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
+    for h in sparse:
+        why = "most of its samples are missing, where an input is known at all times"
+        found[h] = _role(columns[h], "output", why, named(columns[h]) <= 0)
     for h in goals:
         found[h] = _role(columns[h], "set point", "a set point by its name", True)
     for h, of in copies.items():
@@ -182,7 +171,7 @@ def _copies(heads: Sequence[str], columns: Mapping[str, Column], v: Mapping[str,
             size = max(np.abs(v[first]).max(), np.abs(v[later]).max())
             a, b = v[first] / size, v[later] / size
             if np.std(a - b) < 0.02 * min(np.std(a), np.std(b)) and abs(np.mean(a - b)) < 0.02 * np.ptp(a):
-                filtered = _said(columns[first], re.compile("filt|filtered|smooth|smoothed"))
+                filtered = said(columns[first], re.compile("filt|filtered|smooth|smoothed"))
                 found.update({first: later} if filtered else {later: first})
                 break
     return found
@@ -197,11 +186,9 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         total += weight
         said["input" if weight > 0 else "output"].append(clause)
 
-    words = [(1.0 if _INPUT.fullmatch(w) else -1.0) for w in _words(column) if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))]
-    if not words and _said(column, _MEASURED):
-        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]  # the output of a controller
-    if words:
-        add(1.2 * float(np.sign(words[-1] if sum(words) == 0 else sum(words))), "its name")
+    by_name = named(column)
+    if by_name:
+        add(1.2 * by_name, "its name")
     if column.unit in _IN_UNITS or column.unit in _OUT_UNITS:
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
     jumps = _jumps(v)

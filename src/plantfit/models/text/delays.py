@@ -63,6 +63,15 @@ class DelayTable:
         if time.op == "name" and time.name in self.declared.constants:
             self.times.append(time)
             return self._fixed(delayed, self.declared.constants[time.name].value, time)
+        names = set(_names(time))
+        moving = sorted(names & {*self.declared.inputs, *self.declared.states})
+        if moving or names & {"t"}:
+            message = (
+                "A dead time has to be a parameter, a constant or a number of seconds: one that changes with "
+                f"{', '.join(moving) or 'time'} is not there yet. Write delay({delayed}, L) with a parameter L, which holds for one "
+                "operating point, and let it differ between recordings with per_recording = true."
+            )
+            raise EquationError(message, self.text, *time.start)
         known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
         given = f"{time.name!r} is none of them" if time.op == "name" else "this is none of them"
         message = (
@@ -87,3 +96,8 @@ class DelayTable:
                 self.hidden[name] = Declared(name, unit="s", value=seconds, sentence=sentence)
                 return name
             k += 1
+
+
+def _names(node: Node) -> list[str]:
+    """All names in an expression."""
+    return [*([node.name] if node.op == "name" else []), *(name for a in node.args for name in _names(a))]

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from plantfit.errors import RecordingError
+from plantfit.recording.readers.quantities import quantity_over_unit
 from plantfit.units import DIMENSIONLESS, known, logarithmic
 
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>.*)\))\s*$")
@@ -56,7 +57,7 @@ class Table:
                     f"{self.source} has no column {wanted} for {purpose}; it has {len(self.columns)} columns, numbered from 0."
                 )
             return self.columns[wanted]
-        for read in (lambda c: c.header, lambda c: c.name, lambda c: identifier(c.name)):
+        for read in (lambda c: c.header, lambda c: c.name, lambda c: identifier(c.name), lambda c: identifier(c.header)):
             found = [c for c in self.columns if read(c) == str(wanted).strip()]
             if len(found) == 1:
                 return found[0]
@@ -77,15 +78,15 @@ def close_match(wanted: str, names: Iterable[str]) -> str:
 
 
 def split_header(header: str) -> tuple[str, str | None]:
-    """(name, unit) of "u [V]" or "u (V)"; the unit is None when the brackets hold something else."""
+    """(name, unit) of "u [V]", "u (V)", "u/V" or "v/(m/s)"; the unit is None when there is something else."""
     found = _BRACKETED.match(header.strip())
     if not found:
-        return header.strip(), None
+        return quantity_over_unit(header.strip()) or (header.strip(), None)
     unit = (found["square"] if found["square"] is not None else found["round"]).strip()
     if found["round"] is not None and unit in DIMENSIONLESS and unit != "-":
         return header.strip(), None
     if known(unit):
-        return found["name"].strip(), unit
+        return found["name"].strip().removesuffix("/").rstrip(), unit
     return header.strip(), unit if logarithmic(unit) else None
 
 
@@ -134,7 +135,9 @@ def named_columns(headers: Iterable[str], cells: Iterable[pl.Series], units: Ite
     headers, cells = list(headers), list(cells)
     rows = list(units) if units is not None else [None] * len(headers)
     columns = []
-    for header, series, row_unit in zip(headers, cells, rows, strict=True):
-        name, unit = split_header(header)
+    before = [header.partition("/")[0].strip() if "/" in header else None for header in headers]
+    for header, series, row_unit, first in zip(headers, cells, rows, before, strict=True):
+        # several things behind the same word are a path (pump/A, pump/B), and no units
+        name, unit = split_header(header) if first is None or before.count(first) == 1 else (header.strip(), None)
         columns.append(Column(header.strip(), name, unit if unit is not None else row_unit, series))
     return tuple(columns)

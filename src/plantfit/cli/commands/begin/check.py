@@ -162,7 +162,8 @@ def _say_simulated(problem: Any, record: Mapping[str, Any], at: Sequence[str], t
 def _weight(row: Mapping[str, Any]) -> str:
     """An output, its scale and who chose it; a first guess is said to be one."""
     later = ", until the fit estimates it from the residuals" if row["chosen"] == "spread" else ""
-    return f"{row['output']} {row['scale']:.4g} {row['unit'] or ''}".rstrip() + f" ({row['who']}{later})"
+    unit = "" if row["unit"] in (None, "", "-", "1") else f" {row['unit']}"
+    return f"{row['output']} {row['scale']:.4g}{unit} ({row['who']}{later})"
 
 
 def _shortened(names: Iterable[str], most: int = 12) -> str:
