@@ -257,24 +257,3 @@ def test_a_table_of_which_each_row_holds_one_column_keeps_its_input():
     roles = roles_of(Table("x.csv", named_columns(["time", "u", "y", "z"], [pl.Series([f"{k}" for k in range(240)]), *cells])))
     assert headers(roles, "input") == {"u"}
     assert headers(roles, "output") == {"y", "z"}
-
-
-@pytest.mark.parametrize(
-    ("name", "cells", "time"),
-    [
-        ("clk", [f"{0.02 * k:.2f}" for k in range(60)], True),
-        ("clk", [f"{k / 30:.3f}".replace(".", ",") for k in range(60)], True),  # steps of 0.033 and 0.034
-        ("clk", [f"{0.02 * k + 0.01 * (k > 30):.3f}" for k in range(60)], False),  # a gap
-        ("clk", [f"{5 * k}" for k in range(60)], False),  # whole numbers may count
-        ("clk", [f"{0.02 * k * k:.2f}" for k in range(60)], False),
-        ("clk [mm]", [f"{0.02 * k:.2f}" for k in range(60)], False),
-        ("speed", [f"{0.02 * k:.2f}" for k in range(60)], False),
-    ],
-)
-def test_a_first_column_that_rises_evenly_is_time(name, cells, time):
-    u = steps(np.random.default_rng(4), 60, 20, 0, 10)
-    columns = [pl.Series(cells), pl.Series(u), pl.Series(lag(u, 1.0, 6.0))]
-    roles = roles_of(Table("x.csv", named_columns([name, "u", "y"], columns)))
-    assert (headers(roles, "time") == {name}) is time
-    other = roles_of(Table("x.csv", named_columns(["u", name, "y"], [columns[1], columns[0], columns[2]])))
-    assert not headers(other, "time")

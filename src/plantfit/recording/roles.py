@@ -13,7 +13,6 @@ from plantfit.recording.readers.clock import guess_time
 from plantfit.recording.readers.columns import Column, Table, identifier
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import casted, mostly_numbers
-from plantfit.recording.readers.words import COUNT, GOAL, named, said
 
 Kind = Literal["time", "index", "input", "output", "constant", "set point", "copy", "text", "empty"]
 MOST = 2000  # samples that the tests look at
@@ -22,6 +21,21 @@ UNMOVED = "but no column moves it, so it may be a disturbance"
 STILL = 0.1  # share of its changes, below which a column counts as moved by no other
 SPARSE = 0.5  # share of samples that are there, below which a column is measured: an input has to be known at all times
 
+_PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
+_INPUT = re.compile(
+    r"(?:u|in|inp|input|volt|volts|voltage|pwm|duty|heater|heating|heat|valve|pump|fan|cmd|command|control|controller|co|mv|op|actuator|act|drive|"
+    r"motor|throttle|torque|tau|force|excitation|stimulus|power|q|ain|dac|ao|eingang|spannung|ventil|pumpe|heizung|heizer|heizleistung|"
+    r"stellgröße|stellgrad|stellwert|leistung|lüfter|drehmoment|tension|commande|vanne|pompe|chauffage|puissance|entrée|entree)"
+)
+_OUTPUT = re.compile(
+    r"(?:y|out|temp|temperature|speed|rpm|velocity|vel|omega|w|position|pos|angle|theta|phi|level|height|pressure|flow|pv|"
+    r"response|tacho|encoder|enc|displacement|acceleration|acc|concentration|ph|humidity|current|i|t|x|outlet|level|adc|"
+    r"drehzahl|temperatur|geschwindigkeit|winkel|füllstand|niveau|druck|durchfluss|istwert|ist|ausgang|strom|lage|weg|"
+    r"température|vitesse|mesure|sortie|pression|débit|courant|angle)"
+)
+_MEASURED = re.compile(r"(?:meas|measured|measurement|sensor|output)")  # where no other word tells
+_GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|soll|sollwert|consigne|goal|setvalue)")
+_COUNT = re.compile(r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)")
 _OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s", "m/s^2", "bar", "Pa",
               "kPa", "l/min", "L/min", "m^3/h", "tr/min", "A", "mA"}  # fmt: skip
 _IN_UNITS = {"V", "mV", "%", "N", "N*m", "Nm", "W", "kW"}
@@ -101,16 +115,24 @@ def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndar
     v = v[np.maximum.accumulate(np.where(np.isfinite(v), np.arange(len(v)), there[0]))]
     with np.errstate(over="ignore"):
         steps = np.diff(v)
-    if np.all(steps == 1) or (np.all(steps == steps[0]) and said(column, COUNT)):
+    if np.all(steps == 1) or (np.all(steps == steps[0]) and _said(column, _COUNT)):
         return replace(base, kind="index", why="it counts the rows"), None, 0
     return base, v, gaps
+
+
+def _words(column: Column) -> list[str]:
+    return [w.lower() for w in _PARTS.findall(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column.name.rpartition(".")[2] or column.name))]
+
+
+def _said(column: Column, words: re.Pattern[str]) -> bool:
+    return any(words.fullmatch(word) for word in _words(column))
 
 
 def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]) -> dict[str, Role]:
     heads, n = list(columns), min(map(len, values.values()))
     stride = max(1, n // MOST)
     v = np.column_stack([values[h][::stride] for h in heads])
-    goals = {h for h in heads if said(columns[h], GOAL)}
+    goals = {h for h in heads if _said(columns[h], _GOAL)}
     sparse = {h for h in heads if h not in goals and missing[h] > (1 - SPARSE) * n}
     if len(sparse) == len(heads) - len(goals):  # a long table, of which each row holds one column: then nothing is told by what is missing
         sparse = set()
@@ -138,7 +160,7 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], mis
         found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
     for h in sparse:
         why = "most of its samples are missing, where an input is known at all times"
-        found[h] = _role(columns[h], "output", why, named(columns[h]) <= 0)
+        found[h] = _role(columns[h], "output", why, _named(columns[h]) <= 0)
     for h in goals:
         found[h] = _role(columns[h], "set point", "a set point by its name", True)
     for h, of in copies.items():
@@ -171,7 +193,7 @@ def _copies(heads: Sequence[str], columns: Mapping[str, Column], v: Mapping[str,
             size = max(np.abs(v[first]).max(), np.abs(v[later]).max())
             a, b = v[first] / size, v[later] / size
             if np.std(a - b) < 0.02 * min(np.std(a), np.std(b)) and abs(np.mean(a - b)) < 0.02 * np.ptp(a):
-                filtered = said(columns[first], re.compile("filt|filtered|smooth|smoothed"))
+                filtered = _said(columns[first], re.compile("filt|filtered|smooth|smoothed"))
                 found.update({first: later} if filtered else {later: first})
                 break
     return found
@@ -186,9 +208,9 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         total += weight
         said["input" if weight > 0 else "output"].append(clause)
 
-    by_name = named(column)
-    if by_name:
-        add(1.2 * by_name, "its name")
+    named = _named(column)
+    if named:
+        add(1.2 * named, "its name")
     if column.unit in _IN_UNITS or column.unit in _OUT_UNITS:
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
     jumps = _jumps(v)
@@ -201,6 +223,14 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         if abs(lead) > 0.3:
             add(1.2 * lead, "other columns react to it" if lead > 0 else "it reacts to another column")
     return total, {kind: ", ".join(clauses) for kind, clauses in said.items()}
+
+
+def _named(column: Column) -> float:
+    """1 where the name is that of an input, -1 of an output, 0 of neither."""
+    words = [(1.0 if _INPUT.fullmatch(w) else -1.0) for w in _words(column) if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))]
+    if not words and _said(column, _MEASURED):
+        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]  # the output of a controller
+    return float(np.sign(words[-1] if sum(words) == 0 else sum(words))) if words else 0.0
 
 
 def _jumps(v: np.ndarray) -> float:

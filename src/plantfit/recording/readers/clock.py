@@ -9,7 +9,6 @@ from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, numbers
 from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
-from plantfit.recording.readers.words import told_by_name
 from plantfit.units import compatible, factor_offset
 
 _CLOCK = re.compile(r"(\d+):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
@@ -17,13 +16,11 @@ _WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
 _UNITS = "ns|us|µs|ms|s|sec|min|h"
 _SUFFIX = re.compile(rf"^(?:{_WORDS})[_ ]({_UNITS})$", re.IGNORECASE)
 _NAMES = re.compile(
-    rf"^({_WORDS}|(?:zeit|time|temps) t"
-    rf"|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed time|zeitstempel|uhrzeit"
+    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed time|zeitstempel|uhrzeit"
     rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ ]({_UNITS}))$",
     re.IGNORECASE,
 )
 FAR = 1e11  # s since 1970, in the year 5138
-FEWEST = 10  # rows of a time without a name
 _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
 
 
@@ -43,7 +40,7 @@ def is_time_name(name: str) -> bool:
 
 
 def guess_time(table: Table) -> Column | None:
-    """The column that a reader would take as time: by its name, by its cells, or the first where nothing names it and it rises evenly.
+    """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
 
     Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field of a structure
     (data.t) counts by the name of the field.
@@ -63,26 +60,7 @@ def guess_time(table: Table) -> Column | None:
         values, text, _ = casted(table, table.columns[0].cells)
         if not len(text) and len(values) > 2 and np.all(np.diff(values) > 0):
             return table.columns[0]
-    if table.columns and table.period is None and _counts_evenly(table, table.columns[0]):
-        return table.columns[0]
     return None
-
-
-def _counts_evenly(table: Table, column: Column) -> bool:
-    """Whether a column rises by equal steps of no whole number, to the decimals that it is written with, and is no other quantity."""
-    if (column.unit is not None and not compatible(column.unit, "s")) or told_by_name(column):
-        return False
-    values, text, _ = casted(table, column.cells)
-    n = len(values)
-    if len(text) or n < FEWEST or not np.all(np.isfinite(values)) or not np.all(np.diff(values) > 0):
-        return False
-    step = (values[-1] - values[0]) / (n - 1)
-    rounding = 1e-6 * step
-    if column.cells.dtype == pl.String:
-        decimals = column.cells.str.extract(r"^\s*[+-]?\d*[.,](\d+)\s*$").str.len_chars().max()
-        rounding = max(rounding, 0.51 * 10.0 ** -int(decimals)) if isinstance(decimals, int) else rounding
-    even = np.all(np.abs(values - values[0] - step * np.arange(n)) <= 2 * min(rounding, 0.25 * step))
-    return bool(even) and abs(step - round(step)) > 1e-6 * step
 
 
 def _first_cells(column: Column) -> list[str]:
