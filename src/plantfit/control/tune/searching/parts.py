@@ -1,7 +1,7 @@
 """What a design tells while it runs: which part it is at, and which search of how many."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from plantfit.optimize.loop.progress import Progress
@@ -41,4 +41,4 @@ class Searches:
         begins(tell, part)
         if tell is None:
             return None
-        return lambda p: tell(PartProgress(*(getattr(p, f.name) for f in fields(Progress)), part))
+        return lambda p: tell(PartProgress(**vars(p), part=part))
