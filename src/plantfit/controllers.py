@@ -21,6 +21,7 @@ from plantfit.control.scheduling.law import Schedule
 from plantfit.control.scheduling.told import schedule_told
 from plantfit.control.tune.loop_design import LoopDesign, tuned_loop
 from plantfit.control.tune.one_loop import OneLoop
+from plantfit.control.tune.searching.parts import begins
 from plantfit.control.tune.told import curves, figure_units, table, verdict
 from plantfit.control.tune.told import settings as settings_of
 from plantfit.errors import ModelError, SpecError
@@ -283,6 +284,7 @@ def tune(
     output, input_ = signal_of("output", chosen.output, tuple(model.outputs)), signal_of("input", chosen.input, tuple(model.inputs))
     recording = recording_of(answer, chosen.recording)
     check_number(chosen, output, input_)
+    begins(progress, "drawing plants")
     drawn, plants, how = family(answer, chosen, recording, draws, seed)
     count = len(drawn.values) - 1 - TRAIN
     others, inner = other_inputs(answer, model, input_, chosen, recording), inner_output(chosen, model, output)

@@ -79,8 +79,25 @@ def test_weights_are_shares():
 
 
 @pytest.fixture(scope="module")
-def line():
-    return tuned_loop(family(20, 1), family(40, 2), NOISY, budget=150, seed=3, front=("load_iae", "travel"), points=5, pick=1)
+def told():
+    return []
+
+
+@pytest.fixture(scope="module")
+def line(told):
+    figures = ("load_iae", "travel")
+    return tuned_loop(family(20, 1), family(40, 2), NOISY, budget=150, seed=3, front=figures, points=5, pick=1, progress=told.append)
+
+
+def test_every_part_is_told_as_it_begins_and_searches_are_counted_to_the_last(line, told):
+    begun = [p.part for p in told if p.begins]
+    searches = [part for part in begun if part.startswith("search ")]
+    assert [part.split(" (")[0] for part in searches] == [f"search {k} of 9" for k in range(1, 10)]
+    assert searches[0].endswith("(PID, best fit alone)")
+    assert searches[-1].endswith("(front, point 5 of 5)")
+    assert begun[0] == "bringing the plants to rest"
+    assert begun[-1] == "judging the controllers on fresh plants"
+    assert {p.part for p in told if not p.begins} == set(searches)
 
 
 def test_no_point_of_a_front_is_better_in_both_figures_and_the_picked_one_is_the_controller(line):

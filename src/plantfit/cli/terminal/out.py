@@ -73,6 +73,8 @@ def warn(sentence: str) -> None:
 
 def _describe(p: Any) -> tuple[str, str]:
     """What is worked on, and how far it is."""
+    if hasattr(p, "part"):  # one of several: nothing is known of what the others take
+        return p.part, "" if p.begins else _of_part(p)
     left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
     if getattr(p, "unit", "run") == "part":
         return p.method, f"{p.unit} {min(p.runs_done + 1, p.runs)}/{p.runs}{left}"
@@ -82,14 +84,21 @@ def _describe(p: Any) -> tuple[str, str]:
     return method, f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}"
 
 
+def _of_part(p: Any) -> str:
+    """How far one search of several is."""
+    best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
+    left = "" if p.seconds_left is None else f", about {p.seconds_left:.0f} s left in this search"
+    return f"{p.evaluations:.0f} of {p.budget_total:.0f} evaluations, {best}{left}"
+
+
 def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], None]:
-    """A callback that writes a plain line every 30 s: a log file tells as much as a screen."""
+    """A callback that writes a plain line every 30 s, and one where a part begins: a log file tells as much as a screen."""
     began = last = time.monotonic()
 
     def tell(p):
         nonlocal last
         now = time.monotonic()
-        if now - last >= LOG_EVERY:
+        if now - last >= LOG_EVERY or getattr(p, "begins", False):
             last = now
             print(f"{now - began:.0f} s: {': '.join(filter(None, describe(p)))}", file=sys.stderr, flush=True)
 

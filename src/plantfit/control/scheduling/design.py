@@ -17,6 +17,7 @@ from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import check_holds
 from plantfit.control.tune.reduction import open_poles, reduced, slowest
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
+from plantfit.control.tune.searching.parts import begins, within
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError
 
@@ -73,7 +74,9 @@ def scheduled_loops(
         _check(family.part(slice(0, 1)), there)
     designs = []
     for k, there in enumerate(asked):
-        designs.append(tuned_loop(train, family, there, budget=budget, seed=seed + 10 * k, progress=progress))
+        tell = within(progress, f"level {k + 1} of {len(asked)}")
+        designs.append(tuned_loop(train, family, there, budget=budget, seed=seed + 10 * k, progress=tell))
+    begins(progress, "judging the schedule")
     schedule = Schedule(chosen, Gains._make(np.array(v) for v in zip(*(d.best.gains for d in designs), strict=True)))
     main = int(np.argmin(np.abs(chosen - wishes.set_point)))
     everywhere, singles, reports, first = np.ones(family.count, bool), np.ones((len(chosen), family.count), bool), [], None

@@ -20,8 +20,9 @@ from plantfit.control.tune.plant_checks import check_dead_time, check_holds, che
 from plantfit.control.tune.reduction import Reduced, open_poles, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.figures import figure, known_figures, sizes_of, weights_of
-from plantfit.control.tune.searching.front import Front, check_front, front_of
+from plantfit.control.tune.searching.front import Front, check_front, directions, front_of
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
+from plantfit.control.tune.searching.parts import Searches, begins
 from plantfit.control.tune.searching.search import Search
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes, check_wishes
@@ -117,6 +118,7 @@ def tuned_loop(
     Raises SimulationError for a plant that is unstable, that has no gain, or that the limits cannot hold at the set point.
     """
     _check_asked(wishes, front, points, pick)
+    begins(progress, "bringing the plants to rest")
     plants = _plants(train, family, wishes)
     small = plants.small
     rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
@@ -125,10 +127,12 @@ def tuned_loop(
     judges = {form.name: plants.judge(form, wishes) for form in forms}
     w, fine = (frequencies(wishes.period, slowest(small), number) for number in (COARSE, FINE))
     alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
+    begins(progress, "judging a classical rule")
     simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
     sizes = sizes_of(simc, wishes, 0.5 * plants.course.seconds)
     named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
     named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
+    begins(progress, "judging the controllers on fresh plants")
     rows, found = _rows(plants, wishes, forms, judges, named, fine)
     drawn = None if line is None else _judged_front(
         line, judges[forms[0].name], forms[0], responses_of(plants.family, plants.rest, forms[0], wishes.period, fine), fine, wishes,
@@ -226,17 +230,20 @@ def _searched(
     named: list[_Named] = []
     line: Front | None = None
     at_last: np.ndarray | None = None  # points of the form before, which an MPC begins at: its weights are those of an LQI
+    drawn = len(asked.figures) + len(directions(len(asked.figures), asked.points)) if asked.figures else 0
+    searches = Searches(progress, 2 * len(forms) + drawn)
     for form in reversed(forms):
         h = responses_of(plants.loops[0], plants.rests[0], form, wishes.period, w)
         search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise))
         starts = form.starts if form.plan is None or at_last is None else at_last
-        nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, progress)
-        robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, progress)
+        nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}"))
+        robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, searches.next(f"{form.name}, {ROBUST}"))
         at_last = np.stack([robust, nominal])
         source = "this search"
         if asked.figures and form is forms[0]:
+            begins(progress, "judging where the front begins")
             known = np.concatenate([at_last, starts[:STARTED]])
-            line = front_of(search, asked.figures, known, asked.points, max(300, budget), seed + 2, progress)
+            line = front_of(search, asked.figures, known, asked.points, max(300, budget), seed + 2, searches)
             robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:

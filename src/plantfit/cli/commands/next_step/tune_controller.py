@@ -21,22 +21,25 @@ def tune(
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.commands.next_step.tuned_study import answer_for, refuse_regression
     from plantfit.cli.terminal.out import progress_line
+    from plantfit.control.tune.searching.parts import begins
     from plantfit.report.html import check_place
 
     page = Path(out or file_name(f"{loaded.name}-tune", "html"))
     check_place(page)
     refuse_regression(loaded, spec)
-    answer = answer_for(loaded, Path(spec), study, store)
-    from plantfit.controllers import tune as tuned
-
     with progress_line(quiet=json) as tell:
+        begins(tell, "preparing the study")
+        answer = answer_for(loaded, Path(spec), study, store)
+        from plantfit.controllers import tune as tuned
+
         found = tuned(
             answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True), **wishes
         )  # fmt: skip
-    from plantfit.cli.commands.next_step.tuned_study import show, written
-    from plantfit.cli.terminal.out import print_json
+        from plantfit.cli.commands.next_step.tuned_study import show, written
+        from plantfit.cli.terminal.out import print_json
 
-    files = written(found, page, Path(c) if c is not None else page.parent)
+        begins(tell, "writing the page and the C files")
+        files = written(found, page, Path(c) if c is not None else page.parent)
     if json:
         return print_json(found.typed.printed(files=[str(f) for f in files]))
     show(found.typed)

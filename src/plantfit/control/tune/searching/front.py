@@ -1,12 +1,11 @@
 """Controllers none of which is better in every figure: a front of two or three, by one search for each of its points."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
+from plantfit.control.tune.searching.parts import Searches
 from plantfit.control.tune.searching.search import Goal, Search
 from plantfit.errors import SpecError
 
@@ -43,7 +42,7 @@ def directions(figures: int, count: int) -> np.ndarray:
 
 
 def front_of(
-    search: Search, names: tuple[str, ...], begin: np.ndarray, count: int, budget: int, seed: int, progress: Callable[[Any], None] | None
+    search: Search, names: tuple[str, ...], begin: np.ndarray, count: int, budget: int, seed: int, searches: Searches
 ) -> Front:  # fmt: skip
     """The front of these figures over the plants of a search, from the points `begin` (k, d) of the cube on.
 
@@ -57,14 +56,16 @@ def front_of(
     ones = np.ones(m)
     for i in range(m):
         alone = Goal(np.zeros(m), ones, np.where(np.arange(m) == i, 1.0, EDGE))
-        z = search.nearest(alone, known[np.argsort(seen[:, i])[:3]], budget, seed + i, progress)
+        z = search.nearest(alone, known[np.argsort(seen[:, i])[:3]], budget, seed + i, searches.next(f"front, least {names[i]}"))
         known = np.r_[known, z[None]]
         seen = np.r_[seen, search.figures(z[None])]
-    for k, shares in enumerate(directions(m, count)):
+    between = directions(m, count)
+    for k, shares in enumerate(between):
         ideal, spread = _frame(seen)
         goal = Goal(ideal, spread, 1.0 / shares / np.sum(1.0 / shares))
         worst = np.max((seen - ideal) / spread * goal.shares, axis=1)
-        z = search.nearest(goal, known[np.argsort(worst)[:3]], budget, seed + m + k, progress)
+        tell = searches.next(f"front, point {k + 1} of {len(between)}")
+        z = search.nearest(goal, known[np.argsort(worst)[:3]], budget, seed + m + k, tell)
         known = np.r_[known, z[None]]
         seen = np.r_[seen, search.figures(z[None])]
     spread = _frame(seen)[1]
