@@ -31,7 +31,8 @@ def _wanted(error: Mapping[str, Any]) -> str:
         key, word = _LIMITS[kind]
         return f"a number {word} {context[key]:g}"
     if kind == "literal_error":
-        return {"True": "true", "False": "false"}.get(context["expected"], context["expected"])
+        expected = str(context["expected"])
+        return {"True": "true", "False": "false"}.get(expected, expected)
     if kind == "list_type":
         return f"a list in brackets, as in [{json.dumps(value, ensure_ascii=False)}]" if isinstance(value, str) else "a list in brackets"
     if kind in ("model_type", "model_attributes_type"):
