@@ -307,7 +307,7 @@ def test_what_is_wrong_with_a_package_is_one_sentence(tmp_path):
         [
             (SearchError, "'broken' of the package bad-tools cannot be loaded (ModuleNotFoundError: No module named 'no_such_module')"),
             (SearchError, "'no_method' of the package bad-tools is no search method"),
-            (ModelError, "'no_factory' of the package bad-tools is no function"),
+            (ModelError, "'no_factory' of the package bad-tools is not a function that makes a model"),
             (RecordingError, "a.rlog cannot be read (TypeError"),
         ],
         strict=False,
