@@ -169,23 +169,29 @@ def test_the_tutorial_of_the_page_ends_as_it_says(capsys, monkeypatch, tmp_path)
             assert any(re.match(shape, v) for v in verdict), (sentence, verdict)
 
 
-def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(capsys, monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "kind", "place", "truth"),
+    [
+        ("exchanger", "exchanger", slice(0, 1), (900, 8000, 12000)),
+        pytest.param("driven", "pendulum", slice(1, 3), (0.004, 0.5, 0.003), marks=pytest.mark.slow),  # a minute each
+        pytest.param("free", "pendulum", slice(3, None), (125, 0.75), marks=pytest.mark.slow),
+    ],
+)
+def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(capsys, monkeypatch, tmp_path, name, kind, place, truth):
     """Its lines make the records; printed numbers are the page's, and the truth lies in what is said."""
     monkeypatch.chdir(tmp_path)
     section = (ROOT / "docs" / "networks.md").read_text("utf-8").split("## A heat exchanger and a pendulum")[1]
     (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
     exec(compile(code, "networks.md", "exec"), {})
-    told = [line[6:] for line in section.rpartition("```")[2].splitlines() if re.match(r"    [+i!x] ", line)]
-    for name, kind, lines in (("exchanger", "exchanger", told[:1]), ("driven", "pendulum", told[1:3]), ("free", "pendulum", told[3:])):
-        assert call(capsys, monkeypatch, "new", name, "--from", kind, "--recording", f"{name}.csv").code == 0
-        run = call(capsys, monkeypatch, "run", f"{name}.toml", "--no-diagnose", "--json")
-        verdict = [v["sentence"] for v in json.loads(run.out)["verdict"]]
-        for line in lines:
-            shape = re.sub(r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " "))  # another processor has other last digits
-            assert any(re.match(shape, v) for v in verdict), (line, verdict)
-    for text, truth in ((told[0], (900, 8000, 12000)), (told[1], (0.004, 0.5, 0.003)), (told[3], (125, 0.75))):
-        for (value, error), true in zip(re.findall(r"= ([\d.]+) ± ([\d.]+)", text), truth, strict=True):
-            assert abs(float(value) - true) < 2.5 * float(error)
+    lines = [line[6:] for line in section.rpartition("```")[2].splitlines() if re.match(r"    [+i!x] ", line)][place]
+    assert call(capsys, monkeypatch, "new", name, "--from", kind, "--recording", f"{name}.csv").code == 0
+    run = call(capsys, monkeypatch, "run", f"{name}.toml", "--no-diagnose", "--json")
+    verdict = [v["sentence"] for v in json.loads(run.out)["verdict"]]
+    for line in lines:
+        shape = re.sub(r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " "))  # another processor has other last digits
+        assert any(re.match(shape, v) for v in verdict), (line, verdict)
+    for (value, error), true in zip(re.findall(r"= ([\d.]+) ± ([\d.]+)", lines[0]), truth, strict=True):
+        assert abs(float(value) - true) < 2.5 * float(error)
 
 
 def test_a_name_with_its_ending_gets_no_second_one(capsys, monkeypatch, tmp_path):
