@@ -87,6 +87,7 @@ def test_one_sentence_each(old, new, tmp_path):
         ('{ step = "fill_gaps", signals = "u", longest = 5 }', "there is no key 'signals' (did you mean 'signal'?)"),
         ('{ signal = "u", cutoff = 1.0 }', 'says no step; write step = "NAME". Known steps: drop_outliers,'),
         ('{ step = "resample" }', "the key 'period' is missing; add it"),
+        ('{ step = "convert_units", units = { u = "kg" } }', "signal 'u' has no unit to convert from; state it in units"),
     ],
 )
 def test_cleaning_steps_are_told_in_words(step, told, tmp_path):

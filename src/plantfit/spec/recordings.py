@@ -3,16 +3,16 @@
 import difflib
 import inspect
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from plantfit import recording as rec
-from plantfit.errors import PlantfitError, RecordingError, SpecError, in_words
+from plantfit.errors import SpecError, in_words
 from plantfit.problem import Experiment, split
 from plantfit.recording.unmeasured import unmeasured
+from plantfit.spec.error_place import errors_at
 from plantfit.spec.limits import check_step
 from plantfit.spec.tables import RecordingTable
 
@@ -35,7 +35,7 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,
     }  # fmt: skip
-    with _naming(f"{path.name}, [recording.{name}]"):
+    with errors_at(f"{path.name}, [recording.{name}]"):
         record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
     for i, step in enumerate(r.clean):
         arguments = dict(step)
@@ -57,25 +57,13 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
                 arguments["name"] = arguments.pop("signal")
             check_step(arguments, len(record), f"{path.name}: recording.{name}.clean[{i}] ({kind})")
             _check_names(signature, arguments)
-            record = function(record, **arguments)
-        except RecordingError as error:
-            error.args = (f"{path.name}: recording.{name}.clean[{i}]: {error}",)
-            raise
+            with errors_at(f"{path.name}: recording.{name}.clean[{i}]"):
+                record = function(record, **arguments)
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
             told = in_words(error).removeprefix(f"{kind}() ")
             raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md.") from error
-    with _naming(f"{path.name}, [recording.{name}]"):
+    with errors_at(f"{path.name}, [recording.{name}]"):
         return unmeasured(record, r.unmeasured) if r.unmeasured else record
-
-
-@contextmanager
-def _naming(place: str) -> Iterator[None]:
-    """Errors of a recording begin with its table in the study file."""
-    try:
-        yield
-    except PlantfitError as error:
-        error.args = (f"{place}: {error}",)
-        raise
 
 
 def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
@@ -102,7 +90,7 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and validate.")
-        with _naming(path.name):
+        with errors_at(path.name):
             cut = split(record, r.split, r.skip)
             return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
     every = (-np.inf, np.inf)
@@ -123,5 +111,5 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
             f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be "
             "fitted, so choose intervals that do not overlap."
         )
-    with _naming(path.name):
+    with errors_at(path.name):
         return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)

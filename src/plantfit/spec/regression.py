@@ -1,8 +1,7 @@
 """The table [regression] of a study file: columns of measured, differentiated signals, what they explain, and instruments for them."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import PlantfitError, SpecError
+from plantfit.errors import SpecError
 from plantfit.estimate.inverse_dynamics import InverseDynamics
 from plantfit.models import equations
 from plantfit.models.library.regression import LinearModel
@@ -20,6 +19,7 @@ from plantfit.models.text.suggest import suggest
 from plantfit.problem import Experiment
 from plantfit.problem.measure.experiment import in_units
 from plantfit.recording.record import Recording
+from plantfit.spec.error_place import errors_at
 from plantfit.spec.tables import RegressionTable, SpecTable
 from plantfit.units import per_second
 
@@ -64,7 +64,7 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
     where = f"{path.name}, [regression]"
     if table.model.filter_alike is not None:
         raise SpecError(f"{where}: band already filters columns and targets alike; leave filter_alike out of [model].")
-    with _naming(where):
+    with errors_at(where):
         linear = model if isinstance(model, LinearModel) else as_regression(model)
     if table.uncertainty:
         raise SpecError(f"{where}: a regression cannot use stated errors of instruments; leave [uncertainty] out.")
@@ -76,7 +76,7 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
     columns: LinearModel | None = None
     made, moved = {}, {}
     for name, e in experiments.items():
-        with _naming(where):
+        with errors_at(where):
             columns, thin = inverse.columns(e.recording)
             made[name] = replace(e, recording=thin)
             if r.method == "instrumental variables":
@@ -84,16 +84,6 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
     assert columns is not None
     power = _power_below(columns, moved) if moved else None
     return Prepared(columns, made, moved or None, r.band, power)
-
-
-@contextmanager
-def _naming(where: str) -> Iterator[None]:
-    """Errors from within begin with the table of the study file."""
-    try:
-        yield
-    except PlantfitError as error:
-        error.args = (f"{where}: {error}",)
-        raise
 
 
 def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Experiment], where: str) -> None:
@@ -175,7 +165,7 @@ def _targets(
     inputs = {n: u for n, u in known.items() if n in words and n not in r.targets}
     text = "\n".join(f"{o} = {formula}" for o, formula in r.targets.items())
     outputs = {o: model.outputs[o] for o in r.targets}
-    with _naming(f"{where} targets"):
+    with errors_at(f"{where} targets"):
         made = equations(text, inputs=inputs, outputs=outputs, constants=r.constants, name="targets")
 
     def of(s: Recording) -> Mapping[str, Any]:

@@ -1,13 +1,12 @@
 """A study file as a problem and a plan."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import PlantfitError, SearchError, SpecError
+from plantfit.errors import SearchError, SpecError
 from plantfit.models import equations
 from plantfit.models.extensions import KINDS, parameter_name, with_extensions
 from plantfit.models.extensions.terms import with_terms
@@ -19,6 +18,7 @@ from plantfit.optimize.registry import make
 from plantfit.problem import Experiment, Problem
 from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
+from plantfit.spec.error_place import errors_at
 from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import experiment_of
@@ -63,7 +63,7 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
         model, experiments = regression.model, regression.experiments
     elif table.model.filter_alike is not None:
         model, experiments = _filtered_alike(model, experiments, table.model.filter_alike, path)
-    with _naming(path.name):
+    with errors_at(path.name):
         problem = Problem(
             model,
             experiments,
@@ -108,25 +108,11 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
         raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """..."""; add one.')
     if m.kind is not None and m.equations is not None:
         raise SpecError(f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one out.")
-    with _naming(f"{path.name}, [model]"):
+    with errors_at(f"{path.name}, [model]"):
         model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
         if not m.extensions:
             return model
         return with_extensions(model, m.extensions) if isinstance(model, Model) else with_terms(model, m.extensions)
-
-
-@contextmanager
-def _naming(place: str) -> Iterator[None]:
-    """Errors from within say where in the study file their cause is."""
-    try:
-        yield
-    except PlantfitError as error:
-        error.args = (f"{place}: {error}",)
-        raise
-    except RecursionError:
-        raise SpecError(f"{place}: something has too many brackets inside each other; write it with fewer.") from None
-    except (OverflowError, MemoryError) as error:
-        raise SpecError(f"{place}: a number or a table is too large ({error}); correct it there.") from None
 
 
 def _from_text(table: SpecTable) -> Model:
@@ -159,7 +145,7 @@ def _filtered_alike(model, experiments: Mapping[str, Experiment], options: Alike
         raise SpecError(f"{path.name}, [model]: filter_alike is only for regressions, but {model.name!r} is simulated; leave it out.")
     from plantfit.problem.measure.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
 
-    with _naming(f"{path.name}, [model] filter_alike"):
+    with errors_at(f"{path.name}, [model] filter_alike"):
         columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
     return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from plantfit import units
-from plantfit.errors import PlantfitError, SpecError, UnitError
+from plantfit.errors import SpecError, UnitError
 from plantfit.problem import Problem
+from plantfit.spec.error_place import errors_at
 from plantfit.spec.tables import SpecTable, UncertaintyTable
 from plantfit.trust.stated_errors.shared_error import Kind, SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import Source, type_a, type_b
@@ -23,11 +24,8 @@ def errors_of(table: SpecTable, problem: Problem, path: Path) -> tuple[SharedErr
     """One for each [uncertainty.NAME]; raises SpecError and UnitError with file, table and what to do."""
     found = []
     for name, own in table.uncertainty.items():
-        try:
+        with errors_at(f"{path.name}, [uncertainty.{name}]"):
             found.append(_error(name, own, table, problem))
-        except PlantfitError as error:
-            error.args = (f"{path.name}, [uncertainty.{name}]: {error}",)
-            raise
     return tuple(found)
 
 

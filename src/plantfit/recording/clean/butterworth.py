@@ -6,7 +6,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 from plantfit.errors import RecordingError
 from plantfit.recording.clean.sampling import by_stretch, require_positive
 
-FORGOTTEN = 1e-4
+FORGOTTEN = 1e-4  # of what was before
 
 
 def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal: bool, step: str) -> np.ndarray:
@@ -22,7 +22,7 @@ def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal:
         # starts in the steady state of the first sample, so that there is no jump from 0
         return by_stretch(values, 1, lambda part, _: sosfilt(sections, part, zi=sosfilt_zi(sections) * part[0])[0])
     shortest = 3 * (2 * len(sections) + 1)
-    memory = _memory(order, cutoff * period)
+    memory = _memory(order, cutoff / nyquist)
 
     def both_ways(part: np.ndarray, _: slice) -> np.ndarray:
         # beyond both ends the signal goes on, turned about its end, for as long as the filter remembers: it begins there at rest
@@ -32,9 +32,7 @@ def smooth(values: np.ndarray, period: float, cutoff: float, order: int, causal:
 
 
 def _memory(order: int, cutoff: float) -> int:
-    """Samples after which the slowest pole of a Butterworth filter has forgotten all but `FORGOTTEN`; `cutoff` in periods of a sample."""
-    warped = 2 * np.tan(np.pi * cutoff)  # as the bilinear transform has it
-    slowest = warped * np.sin(np.pi / (2 * order))
-    wave = np.sqrt(max(warped**2 - slowest**2, 0.0))
-    pole = (2 + complex(-slowest, wave)) / (2 - complex(-slowest, wave))
-    return int(np.ceil(np.log(FORGOTTEN) / np.log(abs(pole)))) if 0 < abs(pole) < 1 else 0
+    """Samples after which the slowest pole of the filter forgets all but `FORGOTTEN`; `cutoff` as a share of half the sampling rate."""
+    poles = np.asarray(butter(order, cutoff, output="zpk")[1])
+    slowest = float(np.max(np.abs(poles)))
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(slowest))) if 0 < slowest < 1 else 0

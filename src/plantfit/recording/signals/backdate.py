@@ -62,7 +62,7 @@ def _delays(recording: Recording, by: float | str, step: str) -> tuple[np.ndarra
     if isinstance(by, str):
         given = signal_of(recording, by)
         if given.unit is None:
-            raise RecordingError(f"{step}: the delay {by!r} has no unit; give units= when reading, such as 's'.")
+            raise RecordingError(f"{step}: the delay {by!r} has no unit; state it in units where the recording is read, such as 's'.")
         return given.values * factor_offset(given.unit, "s")[0], f"{by!r}"
     if isinstance(by, bool) or not isinstance(by, (int, float, np.number)) or not np.isfinite(by):
         raise RecordingError(f"{step}: by is {by!r}; give seconds, or the name of a signal of them.")

@@ -71,7 +71,7 @@ def period_to_speed(
     step = f"period_to_speed({signal!r})"
     width = require_positive(ratio, f"{step}: ratio") * 2 * np.pi / require_positive(pulses, f"{step}: pulses")
     if source.unit is None:
-        raise RecordingError(f"{step}: the period has no unit; give units= when reading, such as 's' or 'us'.")
+        raise RecordingError(f"{step}: the period has no unit; state it in units where the recording is read, such as 's' or 'us'.")
     if not 0 <= slot_error < 0.3:
         raise RecordingError(f"{step}: slot_error is {slot_error!r}; give a share of a slot from 0 to 0.3, such as 0.02.")
     if not 0 <= tick < np.inf:
