@@ -101,6 +101,6 @@ def test_progress_without_a_terminal_is_plain_lines(folder, capsys, monkeypatch)
     monkeypatch.setattr("plantfit.cli.terminal.out.LOG_EVERY", 0.0)
     said = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia")
     assert said.code == 0, said.err
-    assert re.search(r"^\d+ s: .*evaluations, .*left at most$", said.err, re.MULTILINE), said.err
+    assert re.search(r"^\d+ s: .*evaluations, .*left in this search$", said.err, re.MULTILINE), said.err
     quiet = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia", "--json")
     assert "evaluations" not in quiet.err

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from plantfit.cases.shared import stages
 from plantfit.cli.terminal import out
 from plantfit.control.tune.searching.parts import Searches, begins, within
 from plantfit.optimize.loop.progress import estimate
@@ -61,6 +62,23 @@ def test_a_level_of_a_schedule_is_named_before_its_searches():
     assert out._describe(told[1])[1] == "50 of 100 evaluations, no result yet, about 10 s left in this search"
 
 
+def test_a_demo_tells_the_searches_of_its_controller_apart():
+    told = []
+    within_part = stages.within("controller", told.append)
+    assert within_part is not None
+    begins(within_part, "drawing plants")
+    search = Searches(within_part, 2).next("PID, all plants")
+    assert search is not None
+    search(estimate(0, 1, 50, 0, 100, 2.0, 10.0))
+    within_part(estimate(0, 1, 50, 0, 100, 2.0, 10.0))
+    assert [out._describe(p) for p in told] == [
+        ("controller, drawing plants", ""),
+        ("controller, search 1 of 2 (PID, all plants)", ""),
+        ("controller, search 1 of 2 (PID, all plants)", "50 of 100 evaluations, best cost 2, about 10 s left in this search"),
+        ("controller", "run 1/1, 50 evaluations, best cost 2, about 10 s left in this search"),
+    ]
+
+
 def test_nothing_is_told_where_nobody_listens():
     begins(None, "drawing plants")
     assert Searches(None, 1).next("PID, all plants") is None
@@ -80,5 +98,5 @@ class Searched:
 
 
 def test_a_command_that_is_one_search_keeps_its_words():
-    assert out._describe(Searched()) == ("cmaes", "run 1/1, 8 evaluations, best cost 2, 7 s left at most")
+    assert out._describe(Searched()) == ("cmaes", "run 1/1, 8 evaluations, best cost 2, about 7 s left in this search")
     assert out._describe(replace(Searched(), seconds_left=None))[1] == "run 1/1, 8 evaluations, best cost 2"

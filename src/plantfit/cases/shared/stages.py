@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
+from plantfit.control.tune.searching import parts
 from plantfit.optimize.loop.progress import Progress
 
 
@@ -31,8 +32,16 @@ def stages(names: tuple[str, ...], progress: Callable[[Any], None] | None) -> Ca
 
 
 def within(name: str, progress: Callable[[Any], None] | None) -> Callable[[Progress], None] | None:
-    """For a search inside a part: tells `progress` how far it is, under `name`."""
+    """For what a part does: tells `progress` how far its search, or a part of its own, is, under `name`."""
     if progress is None:
         return None
-    tell = progress
-    return lambda p: tell(Stage(**{f.name: getattr(p, f.name) for f in fields(Progress)}, method=name, unit="run"))
+    tell, tell_part = progress, parts.within(progress, name)
+    assert tell_part is not None
+
+    def under(p: Progress) -> None:
+        if isinstance(p, parts.PartProgress):
+            tell_part(p)
+        else:
+            tell(Stage(**{f.name: getattr(p, f.name) for f in fields(Progress)}, method=name, unit="run"))
+
+    return under

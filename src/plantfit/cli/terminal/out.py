@@ -75,20 +75,36 @@ def _describe(p: Any) -> tuple[str, str]:
     """What is worked on, and how far it is."""
     if hasattr(p, "part"):  # one of several: nothing is known of what the others take
         return p.part, "" if p.begins else _of_part(p)
-    left = "" if p.seconds_left is None else f", {p.seconds_left:.0f} s left at most"
-    if getattr(p, "unit", "run") == "part":
-        return p.method, f"{p.unit} {min(p.runs_done + 1, p.runs)}/{p.runs}{left}"
-    best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
     unit = getattr(p, "unit", "run")
-    method = getattr(p, "method", "searching")
-    return method, f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}"
+    if unit == "part":
+        return p.method, f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}"
+    return getattr(p, "method", "searching"), figures(p, unit)
+
+
+def figures(p: Any, unit: str = "run") -> str:
+    """Runs, evaluations, best cost and time left of a search."""
+    return f"{unit} {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {_best(p)}{_left(p)}"
 
 
 def _of_part(p: Any) -> str:
     """How far one search of several is."""
-    best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
-    left = "" if p.seconds_left is None else f", about {p.seconds_left:.0f} s left in this search"
-    return f"{p.evaluations:.0f} of {p.budget_total:.0f} evaluations, {best}{left}"
+    return f"{p.evaluations:.0f} of {p.budget_total:.0f} evaluations, {_best(p)}{_left(p)}"
+
+
+def _best(p: Any) -> str:
+    return f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
+
+
+def _left(p: Any) -> str:
+    """What is left of the search at its pace so far; what comes after the search is not in it."""
+    return "" if p.seconds_left is None else f", about {duration(p.seconds_left)} left in this search"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], None]:

@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from plantfit.cli.terminal.out import err, log_lines, out, print_json
+from plantfit.cli.terminal.out import err, figures, log_lines, out, print_json
 
 MOST_LINES = 16
 REFRESH_SECONDS = 1.0
@@ -48,13 +48,6 @@ def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
             live.update(Group(bar, Text("\n".join(lines), style="dim")) if lines else bar)
 
         yield tell
-
-
-def figures(p: Any) -> str:
-    """Runs, evaluations, best cost and time left of a study."""
-    left = "" if p.seconds_left is None else f", {_duration(p.seconds_left)} left at most"
-    best = f"best cost {p.best:.4g}" if p.best < float("inf") else "no result yet"
-    return f"run {min(p.runs_done + 1, p.runs)}/{p.runs}, {p.evaluations:.0f} evaluations, {best}{left}"
 
 
 def worker_lines(held: Sequence[Any], budget: float) -> list[str]:
@@ -117,10 +110,3 @@ def _task(h: Any) -> str:
 
 def _share(h: Any, budget: float) -> str:
     return "begins" if h.evaluations is None else f"{100 * min(h.evaluations / (h.task.count * budget), 1.0):.0f} %"
-
-
-def _duration(seconds: float) -> str:
-    """Seconds as people say them."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
