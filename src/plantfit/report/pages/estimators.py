@@ -96,8 +96,9 @@ def _named(row: EstimatedParameter | NoiseLevel, ascii_only: bool) -> str:
 def _cell(estimate: EstimateOfMethod | None, ascii_only: bool) -> str:
     if estimate is None:
         return "held"
-    value, inside = significant(estimate.value, 4, ascii_only), _range(estimate.low, estimate.high, ascii_only)
-    return f"{value} ({inside or ('at a bound' if estimate.at_bound else 'not determined')})"
+    value = significant(estimate.value, 4, ascii_only)
+    inside = _range(estimate.low, estimate.high, ascii_only) or ("at a bound" if estimate.at_bound else "not determined")
+    return f"{value} ({inside})" if ascii_only else f"{value}\n{inside}"  # on a page the interval has a line of its own
 
 
 def _range(low: float | None, high: float | None, ascii_only: bool) -> str:
