@@ -153,7 +153,7 @@ def _saved(records, store: str) -> str:
 def _answer(study, opened, number: int, seconds, prepared=None):
     from plantfit.reopen import answer_of
 
-    with doing(f"{study.name}: leads its best runs to their ends with finer steps, and simulates the answer by another solver"):
+    with doing(f"{study.name}: finishes its runs with finer steps and checks the answer"):
         return answer_of(opened, opened.study(number), study, seconds, prepared)
 
 
