@@ -17,10 +17,10 @@ from exported_plants import UNDEFINED, answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
-from plantfit.bridges.straight_line import straight_line
 from plantfit.errors import ModelError, SimulationError, StoreError
 from plantfit.models.model import Declared
 from plantfit.simulate.steps.vector import vectorise
+from plantfit.simulate.straight_line import straight_line
 
 import jax.numpy as jnp
 

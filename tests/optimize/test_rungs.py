@@ -11,7 +11,7 @@ from plantfit.optimize.local import rungs
 from plantfit.optimize.local.basins import Basins
 from plantfit.optimize.local.rungs import FEW, Rungs
 from plantfit.optimize.local.side_by_side import LocalSearches, Start
-from plantfit.optimize.local.starts import far_apart
+from plantfit.optimize.local.starts import APART, far_apart
 from plantfit.optimize.loop.counter import Counter
 
 import jax.numpy as jnp
@@ -112,3 +112,17 @@ def test_starts_next_to_the_best_come_after_the_rest_of_the_box():
     assert order[0] == 0
     assert sum(i < 30 for i in order[:8]) == 1
     assert far_apart(points, np.where(np.arange(60) == 3, np.inf, costs)).count(3) == 0
+
+
+@pytest.mark.parametrize(("n", "d"), [(0, 3), (1, 1), (300, 2), (400, 9)])
+def test_the_order_of_starts_is_that_of_its_definition(n, d):
+    rng = np.random.default_rng(n + d)
+    points, costs = rng.random((n, d)), np.where(rng.random(n) < 0.1, np.inf, rng.random(n))
+    chosen, left = [], [i for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
+    for share in APART:
+        alone = []
+        for i in left:
+            if all(np.linalg.norm(points[i] - points[j]) > share * np.sqrt(d / 6) for j in [*chosen, *alone]):
+                alone.append(i)
+        chosen, left = [*chosen, *alone], [i for i in left if i not in alone]
+    assert far_apart(points, costs) == [*chosen, *left]

@@ -50,3 +50,10 @@ def test_columns_of_zeros_and_of_tiny_numbers(shape):
     np.testing.assert_allclose(
         found.T @ found, np.where(np.abs(rows) < 1e-200, 0, rows).T @ np.where(np.abs(rows) < 1e-200, 0, rows), atol=1e-10
     )
+
+
+@pytest.mark.parametrize("m", [ROWS, 5 * ROWS + 17])
+def test_a_column_beside_has_the_bits_of_one_among_the_others(m):
+    rng = np.random.default_rng(4)
+    rows, beside = rng.normal(size=(m, 6)) * 10.0 ** rng.integers(-210, 3, size=(m, 6)), rng.normal(size=m)
+    assert np.array_equal(triangle(rows, beside), triangle(np.column_stack([rows, beside])))

@@ -8,11 +8,11 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.bridges.straight_line import Lines, straight_line
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.problem.measure.experiment import before_in_units
 from plantfit.simulate.steps.vector import VectorModel, vectorise
+from plantfit.simulate.straight_line import Lines, straight_line
 
 
 @dataclass(frozen=True)

@@ -388,8 +388,8 @@ class Problem:
         wanted = np.ones(len(self.evaluator.local), bool) if wanted is None else wanted
         blocks = self.compiled["blocks"](jnp.asarray(z), self.evaluator.only(self.arguments, wanted))
         count = sum(r.shape[0] for r, _ in blocks)
-        rows = (np.column_stack([np.asarray(j), np.asarray(r)])[: None if w else 0] for (r, j), w in zip(blocks, wanted, strict=True))
-        small = (triangle(a) / np.sqrt(count) for a in rows)
+        ends = [None if w else 0 for w in wanted]
+        small = (triangle(np.asarray(j)[:end], np.asarray(r)[:end]) / np.sqrt(count) for (r, j), end in zip(blocks, ends, strict=True))
         return [(a[:, -1], a[:, :-1]) for a in small]
 
     @cached_property

@@ -17,7 +17,7 @@ def _in_few_rows(r: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.nd
     _, m, d = jacobian.shape
     if m <= d + 1:
         return r, jacobian
-    small = np.stack([triangle(np.column_stack(pair)) for pair in zip(jacobian, r, strict=True)]) * np.sqrt((d + 1) / m)
+    small = np.stack([triangle(*pair) for pair in zip(jacobian, r, strict=True)]) * np.sqrt((d + 1) / m)
     return small[:, :, d], small[:, :, :d]
 
 

@@ -107,10 +107,16 @@ def far_apart(points: np.ndarray, costs: np.ndarray) -> list[int]:
     """
     left = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
     chosen: list[int] = []
+    columns = np.ascontiguousarray(points.T)
+    nearest, apart = np.full(len(points), np.inf), np.empty_like(columns)  # squared distance of every point to what is chosen
     for share in APART:
-        radius, others = share * np.sqrt(points.shape[1] / 6), []
+        limit, others = share**2 * points.shape[1] / 6, []
         for i in left:
-            alone = not chosen or np.min(np.linalg.norm(points[chosen] - points[i], axis=1)) > radius
-            (chosen if alone else others).append(i)
+            if nearest[i] > limit:
+                chosen.append(i)
+                np.subtract(columns, points[i][:, None], out=apart)
+                np.minimum(nearest, np.einsum("dn,dn->n", apart, apart), out=nearest)
+            else:
+                others.append(i)
         left = others
     return [*chosen, *left]

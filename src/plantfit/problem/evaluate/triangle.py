@@ -12,20 +12,37 @@ PANEL = 8  # columns that are reflected together
 TINY = 1e-200  # below it numbers only slow the arithmetic down: their squares are not even denormal
 
 
-def triangle(rows: np.ndarray) -> np.ndarray:
-    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN and infinity give NaN."""
-    m, n = rows.shape
+def triangle(rows: np.ndarray, beside: np.ndarray | None = None) -> np.ndarray:
+    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN and infinity give NaN.
+
+    `beside` (m,) is one more column, the last.
+    """
+    m, n = len(rows), rows.shape[1] + (beside is not None)
     if m <= 2 * ROWS or not 0 < n <= ROWS // 4:
-        found = np.linalg.qr(_settled(rows), mode="r") if np.all(np.isfinite(rows)) else np.full((min(m, n), n), np.nan)
+        whole = rows if beside is None else np.column_stack([rows, beside])
+        found = np.linalg.qr(_settled(whole), mode="r") if np.all(np.isfinite(whole)) else np.full((min(m, n), n), np.nan)
     else:
-        found = np.zeros((n, n), order="F")
-        for first in range(0, m, ROWS):
-            piece = np.asfortranarray(_settled(rows[first : first + ROWS]))
-            # the QR decomposition of a triangle on top of more rows
-            found, _, _, _ = scipy.linalg.lapack.dtpqrt(0, min(PANEL, n), found, piece, overwrite_a=True, overwrite_b=True)
-        found = np.triu(found)
+        found = _piece_by_piece(rows, beside, m, n)
     found = np.asarray(found)
     return found if np.all(np.isfinite(found)) else np.full(found.shape, np.nan)
+
+
+def _piece_by_piece(rows: np.ndarray, beside: np.ndarray | None, m: int, n: int) -> np.ndarray:
+    taken_in, width = scipy.linalg.lapack.dtpqrt, rows.shape[1]
+    found, panel = np.zeros((n, n), order="F"), min(PANEL, n)
+    work, size, tiny = (np.empty((ROWS, n), dtype, order="F") for dtype in (float, float, bool))
+    for first in range(0, m, ROWS):
+        count = min(ROWS, m - first)
+        if count < ROWS:
+            work, size, tiny = (np.empty((count, n), dtype, order="F") for dtype in (float, float, bool))
+        work[:, :width] = rows[first : first + count]
+        if beside is not None:
+            work[:, width] = beside[first : first + count]
+        np.less(np.abs(work, out=size), TINY, out=tiny)
+        np.copyto(work, 0.0, where=tiny)
+        # the QR decomposition of a triangle on top of more rows; what lies below the triangle stays zero
+        found, _, _, _ = taken_in(0, panel, found, work, overwrite_a=True, overwrite_b=True)
+    return found
 
 
 def _settled(rows: np.ndarray) -> np.ndarray:
@@ -39,7 +56,7 @@ def compressed(blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dimensio
     """
     r, jacobian = [], []
     for residuals, derivatives, own in blocks:
-        small = triangle(np.column_stack([derivatives, residuals]))
+        small = triangle(derivatives, residuals)
         r.append(small[:, -1])
         jacobian.append(np.zeros((len(small), dimension)))
         jacobian[-1][:, own] = small[:, :-1]

@@ -9,6 +9,7 @@ Late states come from the dense outputs before (method of steps). A record that 
 import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ import scipy  # scipy.integrate is loaded at its first use
 import plantfit.runtime  # noqa: F401
 from plantfit.native.kept_programs import Kept, described
 from plantfit.simulate.check.modes import Modes
+from plantfit.simulate.check.plain_rate import plain_rate
 from plantfit.simulate.simulator import Drive, Simulator
 
 import jax
@@ -239,11 +241,12 @@ def _rates(vector: Any) -> tuple[Callable, Callable]:
 
 
 class _Smooth:
-    """The rate of a model as a function of one vector (x, u): one quick call."""
+    """The rate of a model as a function of one vector (x, u), and on floats where the model has a form for these."""
 
     def __init__(self, vector: Any, values: tuple[Any, ...]):
         call, slopes = _rates(vector)
         self.call, self.slopes = partial(call, values), partial(slopes, values)
+        self.plain = plain_rate(vector, values)
 
 
 def _line(span: tuple[float, float, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -255,9 +258,13 @@ def _by_lsoda(run: _Run, motion: _Smooth, x: np.ndarray, span: Any, inside: np.n
     """States (n, k) at the times `inside`, the last of them the end of the span."""
     (a, slope), start, n = _line(span), span[0], len(x)
     q = np.empty(n + len(a))
+    plain = None if motion.plain is None else motion.plain(start, a, slope)
 
     def rate(x, t):
         run.evaluations += 1
+        if plain is not None:
+            with suppress(ArithmeticError, ValueError):  # infinite, NaN, or nothing that math has: jax knows what it is
+                return plain(x, t)
         q[:n], q[n:] = x, a + slope * (t - start)
         return np.asarray(motion.call(q))
 

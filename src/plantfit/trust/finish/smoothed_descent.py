@@ -44,7 +44,7 @@ class Rows:
         parts = []
         for (r, jacobian), (own, place) in zip(self.blocks(z), self.places, strict=True):
             kept = slice(None) if keep is None else keep[place]
-            parts.append((triangle(np.column_stack([jacobian[kept], r[kept]])), own))
+            parts.append((triangle(jacobian[kept], r[kept]), own))
         members = [[part] for part in parts] if len(self.groups) > 1 else [parts]
         bends, slopes = smoothing.weighted(z) if smoothing else (np.zeros(0), np.zeros((0, len(z))))
         made = []

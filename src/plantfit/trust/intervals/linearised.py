@@ -135,7 +135,7 @@ def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[n
     alone = 2.0 * OPEN * np.abs(gradient) + OPEN**2 * curvature >= variance
     lower, upper = (z <= EDGE) & (gradient >= 0) & alone, (z >= 1 - EDGE) & (gradient <= 0) & alone
     if np.any(lower | upper):
-        small = triangle(np.column_stack([jacobian, residuals]))
+        small = triangle(jacobian, residuals)
         for i in np.flatnonzero(lower | upper):
             pressed = _growth(z, small[:, :-1], small[:, -1], int(i), OPEN if lower[i] else -OPEN) >= variance
             lower[i], upper[i] = lower[i] and pressed, upper[i] and pressed

@@ -109,7 +109,7 @@ def linear_problem(
     size = np.maximum(np.maximum(np.abs(values), typical), np.maximum(np.minimum(alone, width), 1e-12 * width))
     j = by_value * size
     variance = max(float(residuals @ residuals) / free, rounding(np.diag(np.sum(j**2, axis=0)), len(residuals)))
-    small = triangle(np.column_stack([j, residuals])) / np.sqrt(variance)
+    small = triangle(j, residuals) / np.sqrt(variance)
     rows = np.vstack([small[:, :-1], np.eye(len(at)) / FAR])
     rest = np.concatenate([small[:, -1], np.zeros(len(at))])
     _, singular, right = np.linalg.svd(rows, full_matrices=False)

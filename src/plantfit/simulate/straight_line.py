@@ -49,10 +49,24 @@ CASADI = COMMON | {n: f"ca.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
     "or": "ca.logic_or({0}, {1})", "not": "ca.logic_not({0})", "logistic": "1/(1 + ca.exp(-{0}))", "floor": "ca.floor({0})",
     "ceil": "ca.ceil({0})", "rsqrt": "1/ca.sqrt({0})", "exp2": "2.0**{0}", "log2": "ca.log({0})/ca.log(2.0)",
 }  # fmt: skip
-TRUNCATED = {"python": "np.trunc({0})", "c": "trunc({0})", "casadi": "ca.sign({0})*ca.floor(ca.fabs({0}))"}
-LANGUAGES = {"python": PYTHON, "c": C, "casadi": CASADI}
+# of the module math, on floats: it raises where numpy gives inf or nan, and a choice keeps a nan as jax does
+MATH = COMMON | {n: f"math.{n}({{0}})" for n in (*_NAMED, *_INVERSE)} | {
+    "atan2": "math.atan2({0}, {1})", "abs": "abs({0})", "sign": "(({0} > 0.0) - ({0} < 0.0) if {0} == {0} else {0})",
+    "pow": "math.pow({0}, {1})", "integer_pow": "{0}**{y}", "max": "({0} if {0} >= {1} or {0} != {0} else {1})",
+    "min": "({0} if {0} <= {1} or {0} != {0} else {1})", "select_n": "({2} if {0} else {1})", "and": "({0} and {1})", "or": "({0} or {1})",
+    "not": "(not {0})", "logistic": "1.0/(1.0 + math.exp(-{0}))", "floor": "float(math.floor({0}))", "ceil": "float(math.ceil({0}))",
+    "cbrt": "math.cbrt({0})", "rsqrt": "1.0/math.sqrt({0})", "exp2": "math.exp2({0})", "log2": "math.log2({0})",
+}  # fmt: skip
+TRUNCATED = {
+    "python": "np.trunc({0})",
+    "math": "float(math.trunc({0}))",
+    "c": "trunc({0})",
+    "casadi": "ca.sign({0})*ca.floor(ca.fabs({0}))",
+}
+LANGUAGES = {"python": PYTHON, "math": MATH, "c": C, "casadi": CASADI}
 NOT_FINITE = {
     "python": {"nan": "np.nan", "inf": "np.inf", "-inf": "(-np.inf)"},
+    "math": {"nan": "math.nan", "inf": "math.inf", "-inf": "(-math.inf)"},
     "c": {"nan": "NAN", "inf": "INFINITY", "-inf": "(-INFINITY)"},  # of math.h
     "casadi": {"nan": "np.nan", "inf": "np.inf", "-inf": "(-np.inf)"},
 }  # fmt: skip
@@ -101,7 +115,7 @@ class _Writer:
         if array.size != 1:
             raise ModelError(_refusal(self.model, self.language, "tables or arrays"))
         if array.dtype == bool:
-            return ("1" if array.item() else "0") if self.language != "python" else str(array.item())
+            return str(array.item()) if self.language in ("python", "math") else "1" if array.item() else "0"
         text = repr(float(array.item()))
         return NOT_FINITE[self.language].get(text) or (f"({text})" if text.startswith("-") else text)
 
@@ -133,7 +147,7 @@ class _Writer:
 
     def converted(self, value: str, own: Any, wished: Any) -> str:
         """A value in another type: truths of numpy add up as truths unless made numbers, and whole numbers lose their places."""
-        if np.issubdtype(own, np.bool_) and self.language == "python":
+        if np.issubdtype(own, np.bool_) and self.language in ("python", "math"):
             return f"float({value})"
         if np.issubdtype(own, np.floating) and not np.issubdtype(wished, np.floating):
             return f"({value} != 0.0)" if np.issubdtype(wished, np.bool_) else TRUNCATED[self.language].format(value)
