@@ -8,12 +8,16 @@ import pytest
 
 import plantfit as pf
 from plantfit.models.library.catalogue import make
+from plantfit.models.model import Declared, Model
 from plantfit.simulate.check import tight
 from plantfit.simulate.check.plain_rate import plain_rate
 from plantfit.simulate.steps.vector import vectorise
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
 from test_model_library import ALL, values  # pyright: ignore[reportMissingImports]
+
+import jax
+import jax.numpy as jnp
 
 MOVING = [entry for entry in ALL if not entry[0].endswith("_regression")]
 EVERY = """
@@ -28,13 +32,13 @@ def own(text):
     return pf.equations(text, states=states, outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}})
 
 
-def both(model, p, a, b, t):
-    """Rates by Python and by jax at channels a + b*t."""
+def both(model, p, a, b, t, size=1.0):
+    """Rates by Python and by jax at channels a + b*t and states up to `size`."""
     vector, rng = vectorise(model), np.random.default_rng(5)
     numbers = tuple(np.asarray(p[n], dtype=float) for n in vector.parameters)
     made = plain_rate(vector, numbers)
     assert made is not None
-    x = rng.uniform(0.1, 1.0, len(vector.states))
+    x = rng.uniform(-size, size, len(vector.states))
     compiled = tight._Smooth(vector, numbers)
     return np.array(made(0.0, a, b)(x, t)), np.asarray(compiled.call(np.concatenate([x, a + b * t])))
 
@@ -42,14 +46,12 @@ def both(model, p, a, b, t):
 @pytest.mark.parametrize(("name", "options"), MOVING)
 def test_library_models_have_the_same_rate(name, options):
     model = make(name, **options)
+    assert isinstance(model, Model)
     count = len(vectorise(model).channels)
     p = values(model)
-    if any(np.ndim(v) for v in p.values()):
-        assert plain_rate(vectorise(model), [p[n] for n in vectorise(model).parameters]) is None
-        return
     rng = np.random.default_rng(1)
-    for _ in range(5):
-        plain, compiled = both(model, p, rng.uniform(-1, 1, count), rng.uniform(-1, 1, count), rng.uniform())
+    for size in (0.3, 1.0, 1.0, 3.0, 100.0):  # within tables, and beyond both of their ends
+        plain, compiled = both(model, p, rng.uniform(-size, size, count), rng.uniform(-1, 1, count), rng.uniform(), size)
         np.testing.assert_allclose(plain, compiled, rtol=1e-12, atol=1e-14)
 
 
@@ -79,3 +81,46 @@ def test_a_nan_that_a_choice_would_swallow_raises():
     assert made is not None
     with pytest.raises(ValueError, match="nan"):
         made(0.0, np.zeros(1), np.zeros(1))(np.array([np.nan, 0.0]), 0.0)
+
+
+def test_arrays_of_an_own_model_are_lines_of_numbers():
+    matrix = np.array([[0.0, 1.0], [-4.0, -0.5]])
+
+    def moved(x, u, p):
+        state = jnp.array([x["a"], x["b"]])
+        forced = jnp.sum(matrix * state[None, :], axis=1) + p["gain"] * u["u"]
+        place = jnp.clip(jnp.floor(2.0 * u["u"]).astype(int), 0, 1)
+        bent = jax.lax.dynamic_index_in_dim(p["gain"], place, keepdims=False)
+        total = jnp.max(jnp.concatenate([forced, p["gain"][::-1]])) + bent
+        return {"a": forced[0] + total + p["gain"] @ state, "b": (matrix @ state)[1] + jnp.transpose(matrix)[0, 1] * forced[1]}
+
+    declared = (Declared("gain", None, (-5.0, 5.0), shape=(2,)),)
+    model = Model("own", {"a": None, "b": None}, {"u": None}, {"y": None}, declared, lambda x, u, p: {"y": x["a"]}, moved)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        plain, compiled = both(model, {"gain": rng.normal(size=2)}, rng.uniform(-2, 2, 2), np.zeros(2), 0.0)
+        np.testing.assert_allclose(plain, compiled, rtol=1e-13)
+
+
+def test_operations_without_a_form_on_numbers_are_left_to_jax():
+    def moved(x, u, p):
+        return {"a": jax.lax.fori_loop(0, 3, lambda _, v: 0.5 * v, x["a"])}
+
+    model = Model("own", {"a": None}, {}, {"y": None}, (), lambda x, u, p: {"y": x["a"]}, moved)
+    assert plain_rate(vectorise(model), ()) is None
+
+
+@pytest.mark.parametrize("name", ["steam_chamber", "tabled_first_order"])
+def test_a_record_through_tables_is_followed_to_the_same_end(name, monkeypatch):
+    model = make(name)
+    assert isinstance(model, Model)
+    p, t = values(model), np.arange(0.0, 6.0, 0.25)
+    level = np.where(np.arange(len(t)) // 6 % 2 == 0, 20.0, 45.0)
+    signals = {n: pf.Signal(level) for n in (*model.inputs, *model.outputs)}
+    problem = pf.Problem(model, pf.Recording(t, signals), {n: pf.Parameter(value=v) for n, v in p.items()})
+    [drive] = problem.data["drive"].values()
+    found = tight.follow(problem.predictor.stepping(), p, drive)
+    monkeypatch.setattr(tight, "plain_rate", lambda *_: None)
+    known = tight.follow(problem.predictor.stepping(), p, drive)
+    assert found.stopped is known.stopped is None
+    np.testing.assert_allclose(found.states, known.states, rtol=1e-7, atol=1e-9)

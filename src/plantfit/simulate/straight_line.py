@@ -96,7 +96,7 @@ def straight_line(vector: VectorModel, what: str, language: str, names: Sequence
     except (TypeError, IndexError, ValueError) as error:
         raise ModelError(_refusal(vector.model.name, language, f"parameters that are arrays ({type(error).__name__})")) from None
     flat = [name for part in names for name in part]
-    writer = _Writer(vector.model.name, language, LANGUAGES[language])
+    writer = Writer(vector.model.name, language, LANGUAGES[language])
     results = writer.write(closed.jaxpr, [writer.number(c) for c in closed.consts], flat)
     return Lines(tuple(writer.assignments), tuple(results))
 
@@ -105,24 +105,27 @@ def _refusal(model: str, language: str, why: str) -> str:
     return f"Model {model!r} has {why}, which are not written as {language} yet; export --to csv or control instead."
 
 
-class _Writer:
+class Writer:
+    """Writes a jaxpr of numbers: an assignment for each operation, `number` for constants, ModelError for what has no expression."""
+
     def __init__(self, model: str, language: str, words: dict[str, str]):
         self.model, self.language, self.words = model, language, words
         self.assignments: list[tuple[str, str]] = []
 
-    def number(self, value: Any) -> str:
+    def number(self, value: Any) -> Any:
         array = np.asarray(value)
         if array.size != 1:
-            raise ModelError(_refusal(self.model, self.language, "tables or arrays"))
+            raise self.refused("tables or arrays")
         if array.dtype == bool:
             return str(array.item()) if self.language in ("python", "math") else "1" if array.item() else "0"
         text = repr(float(array.item()))
         return NOT_FINITE[self.language].get(text) or (f"({text})" if text.startswith("-") else text)
 
-    def write(self, jaxpr: Any, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    def write(self, jaxpr: Any, constants: Sequence[Any], inputs: Sequence[Any]) -> list[Any]:
+        """The results of a jaxpr, its constants and inputs given as expressions."""
         known = dict(zip((*jaxpr.constvars, *jaxpr.invars), (*constants, *inputs), strict=True))
 
-        def read(atom: Any) -> str:
+        def read(atom: Any) -> Any:
             return self.number(atom.val) if isinstance(atom, core.Literal) else known[atom]
 
         for equation in jaxpr.eqns:
@@ -132,18 +135,32 @@ class _Writer:
                 closed = hasattr(inner, "consts")
                 results = self.write(inner.jaxpr if closed else inner, [self.number(c) for c in inner.consts] if closed else [], values)
             else:
-                results = [self.assigned(self.expression(equation, name, values))]
+                results = self.operation(equation, name, values)
             known.update(zip(equation.outvars, results, strict=True))
         return [read(v) for v in jaxpr.outvars]
 
+    def operation(self, equation: Any, name: str, values: Sequence[Any]) -> list[Any]:
+        """The results of one operation."""
+        return [self.assigned(self.expression(equation, name, values))]
+
     def expression(self, equation: Any, name: str, values: Sequence[str]) -> str:
-        if name not in self.words or any(v.aval.size != 1 for v in (*equation.invars, *equation.outvars)):
-            raise ModelError(_refusal(self.model, self.language, f"operations on arrays or tables ({name})"))
+        """An operation on numbers."""
+        if any(v.aval.size != 1 for v in (*equation.invars, *equation.outvars)):
+            raise self.refused(f"operations on arrays or tables ({name})")
+        return self.of_numbers(equation, name, values)
+
+    def of_numbers(self, equation: Any, name: str, values: Sequence[str]) -> str:
+        """An operation as it is on every entry."""
+        if name not in self.words:
+            raise self.refused(f"operations on arrays or tables ({name})")
         if name == "convert_element_type":
             return self.converted(values[0], equation.invars[0].aval.dtype, equation.params["new_dtype"])
         if name == "select_n" and len(values) != 3:
-            raise ModelError(_refusal(self.model, self.language, "choices of more than two"))
+            raise self.refused("choices of more than two")
         return self.words[name].format(*values, y=equation.params.get("y"))
+
+    def refused(self, why: str) -> ModelError:
+        return ModelError(_refusal(self.model, self.language, why))
 
     def converted(self, value: str, own: Any, wished: Any) -> str:
         """A value in another type: truths of numpy add up as truths unless made numbers, and whole numbers lose their places."""

@@ -10,9 +10,13 @@ from typing import Any
 
 import numpy as np
 
+import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
-from plantfit.simulate.steps.vector import VectorModel
-from plantfit.simulate.straight_line import straight_line
+from plantfit.simulate.check.array_lines import ArrayWriter, Held
+from plantfit.simulate.steps.vector import VectorModel, placeholders
+from plantfit.simulate.straight_line import LANGUAGES, Lines
+
+import jax
 
 Rate = Callable[[np.ndarray, float], list[float]]
 
@@ -33,13 +37,13 @@ def made(p, start, a, b):
 def plain_rate(vector: VectorModel, values: Sequence[Any]) -> Callable[[float, np.ndarray, np.ndarray], Rate] | None:
     """`made(start, a, b)` for a model with parameters `values`: the rate (x (n,), t) with channels a + b*(t - start), (m,) each.
 
-    The rate raises ValueError or ArithmeticError where something is not finite or math has no number. None for a model that reads
-    arrays, as tables are.
+    The rate raises ValueError or ArithmeticError where something is not finite or math has no number. None for a model with operations
+    that have no such form.
     """
-    text = _written(vector) if not any(np.ndim(v) for v in values) else None
-    if text is None:
+    made = _written(vector)
+    if made is None:
         return None
-    p, made = [float(v) for v in values], text
+    p = [tuple(np.ravel(v).tolist()) if np.ndim(v) else float(v) for v in values]
     return lambda start, a, b: made(p, float(start), a.tolist(), b.tolist())
 
 
@@ -48,7 +52,7 @@ def _written(vector: VectorModel) -> Callable | None:
     sizes = {"x": len(vector.states), "u": len(vector.channels), "p": len(vector.parameters)}
     names = {letter: [f"{letter}{i}" for i in range(size)] for letter, size in sizes.items()}
     try:
-        lines = straight_line(vector, "rate", "math", list(names.values()))
+        lines = _lines(vector, names)
     except ModelError:
         return None
     used = set(re.findall(r"\b[up]\d+\b", lines.text("") + " ".join(lines.results)))
@@ -66,6 +70,20 @@ def _written(vector: VectorModel) -> Callable | None:
     space: dict[str, Any] = {}
     exec("import math\n" + text, space)
     return space["made"]
+
+
+def _lines(vector: VectorModel, names: dict[str, list[str]]) -> Lines:
+    """Assignments and results of the rate; raises ModelError for what has no expression."""
+    given = placeholders(vector.model)
+    closed = jax.make_jaxpr(vector.rate)(*given)
+    writer = ArrayWriter(vector.model.name, "math", LANGUAGES["math"])
+    inputs: list[Any] = [*names["x"], *names["u"]]
+    for name, value in zip(names["p"], given[2], strict=True):
+        shape = np.shape(value)
+        entries = np.array([f"{name}[{k}]" for k in range(int(np.prod(shape)))], dtype=object).reshape(shape)
+        inputs.append(Held(entries, name) if shape else name)
+    results = writer.write(closed.jaxpr, [writer.number(c) for c in closed.consts], inputs)
+    return Lines(tuple(writer.assignments), tuple(results))
 
 
 __all__ = ["plain_rate"]
