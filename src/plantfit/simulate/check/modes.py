@@ -5,15 +5,19 @@ a mode: conditions of events, velocities that meet zero, the breakaway force, fl
 """
 
 import warnings
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 import plantfit.runtime  # noqa: F401
+from plantfit.simulate.check.on_floats import floats, on_floats
 from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction
-from plantfit.simulate.steps.vector import VectorModel
+from plantfit.simulate.steps.vector import VectorModel, placeholders
 
 import jax
 import jax.numpy as jnp
@@ -25,85 +29,153 @@ AHEAD = 1e-6  # of a span: where the way off a surface is looked at
 CHANGES = 200  # of the mode in one span
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """The motion of a model with values p. A mode is a vector: per friction 1, -1 or 0 (sticks), per play 1, -1 or 0 (rests)."""
+class _Equations(NamedTuple):
+    """Functions of a mode, of tuples of numbers (x, u, du, mode, p); each gives a tuple of tuples."""
 
     signs: np.ndarray  # per event, 1 falling, -1 rising, 0 both
     velocities: tuple[int, ...]
     plays: tuple[int, ...]
-    motion: Any  # (x, u, du, mode) -> rates, x with what is pushed, surfaces
-    forces: Any  # (x, u, mode) -> force needed to hold and breakaway force of every friction
-    jumps: tuple[Any, ...]  # per event (x, u) -> x
-    flanks: Any  # (x, u) -> lowest and highest value of every play
+    motion: "_Function"  # rates, x with what is pushed, surfaces
+    forces: "_Function"  # force needed to hold and breakaway force of every friction
+    jumps: tuple["_Function", ...]  # per event: x
+    flanks: "_Function"  # lowest and highest value of every play
+
+
+class _Values(NamedTuple):
+    """Parameters as they are, and as functions on floats take them."""
+
+    arrays: tuple[np.ndarray, ...]
+    floats: list[Any]
+
+
+class _Function:
+    """A function of tuples of numbers on floats where it has such a form and a number comes out, else by jax."""
+
+    def __init__(self, vector: VectorModel, function: Callable[..., Any]):
+        x, u, p = placeholders(vector.model)
+        ways = (1.0,) * (len(vector.model.frictions) + len(vector.model.backlashes))
+        self.plain = on_floats(vector.model.name, function, (x, u, u, ways, p))
+        self.compiled = jax.jit(lambda *given: tuple(jnp.asarray(part, dtype=float) for part in function(*given)))
+
+    def __call__(self, x: np.ndarray, u: np.ndarray, du: np.ndarray, mode: np.ndarray, p: _Values) -> list[np.ndarray]:
+        groups = [np.asarray(v, dtype=float).tolist() for v in (x, u, du, mode)]
+        if self.plain is not None:
+            with suppress(ArithmeticError, ValueError):
+                return [np.array(part) for part in self.plain(*groups, p.floats)]
+        return [np.asarray(part) for part in self.compiled(*map(tuple, groups), p.arrays)]
+
+
+@lru_cache(maxsize=32)
+def _equations(vector: VectorModel) -> _Equations:
+    model = vector.model
+    events = [bind_event(e, vector) for e in model.events]
+    frictions = [bind_friction(f, vector) for f in model.frictions]
+    plays = [bind_backlash(b, vector) for b in model.backlashes]
+    count = len(frictions)
+
+    def ends(play, x, u, p):
+        drive, gap = play.drive(x, u, p), play.gap(x, u, p)
+        return drive - gap, drive + gap
+
+    def followed(x, u, mode, p):
+        for play, way in zip(plays, mode[count:], strict=True):
+            low, high = ends(play, x, u, p)
+            z = jnp.where(way > 0, low, jnp.where(way < 0, high, x[play.state]))
+            x = (*x[: play.state], z, *x[play.state + 1 :])
+        return x
+
+    def rubbed(x, u, mode, p):
+        rates = list(vector.rate(x, u, p))
+        needs, limits = [], []
+        for law, way in zip(frictions, mode[:count], strict=True):
+            effect, sliding = law.effect(x, u, p), law.sliding(x, u, p)
+            need = -rates[law.velocity] / effect[law.velocity]
+            needs.append(need)
+            limits.append(jnp.maximum(law.breakaway(x, u, p), sliding))
+            force = jnp.where(way == 0, need, -way * sliding)
+            rates = [r + e * force for r, e in zip(rates, effect, strict=True)]
+            rates[law.velocity] = jnp.where(way == 0, 0.0, rates[law.velocity])
+        return rates, needs, limits
+
+    def motion(x, u, du, mode, p):
+        x = followed(x, u, mode, p)
+        rates, needs, limits = rubbed(x, u, mode, p)
+        # what is pushed moves with what pushes it
+        for play, way in zip(plays, mode[count:], strict=True):
+            _, (low, high) = jax.jvp(lambda x, u, play=play: ends(play, x, u, p), (x, u), (tuple(rates), du))
+            rates[play.state] = jnp.where(way > 0, low, jnp.where(way < 0, high, 0.0))
+        surfaces = [e.when(x, u, p) for e in events]
+        surfaces += [
+            jnp.where(way == 0, limit - jnp.abs(need), way * x[law.velocity])
+            for law, way, need, limit in zip(frictions, mode[:count], needs, limits, strict=True)
+        ]
+        for play, way in zip(plays, mode[count:], strict=True):
+            low, high = ends(play, x, u, p)
+            pushed = way * rates[play.state]
+            surfaces += [jnp.where(way == 0, x[play.state] - low, pushed), jnp.where(way == 0, high - x[play.state], pushed)]
+        return tuple(rates), tuple(x), tuple(surfaces)
+
+    def forces(x, u, du, mode, p):
+        _, needs, limits = rubbed(x, u, mode, p)
+        return tuple(needs), tuple(limits)
+
+    def jump(event):
+        return lambda x, u, du, mode, p: (tuple(event.then(x, u, p)),)
+
+    def flanks(x, u, du, mode, p):
+        found = [ends(play, x, u, p) for play in plays]
+        return tuple(low for low, _ in found), tuple(high for _, high in found)
+
+    return _Equations(
+        np.array([e.sign for e in events], dtype=int),
+        tuple(f.velocity for f in frictions),
+        tuple(b.state for b in plays),
+        _Function(vector, motion),
+        _Function(vector, forces),
+        tuple(_Function(vector, jump(e)) for e in events),
+        _Function(vector, flanks),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The motion of a model with parameters `p`. A mode is a vector: per friction 1, -1 or 0 (sticks), per play 1, -1 or 0 (rests)."""
+
+    equations: _Equations
+    p: _Values
 
     @classmethod
-    def of(cls, vector: VectorModel, p: tuple[Any, ...]) -> "Modes":
-        model = vector.model
-        events = [bind_event(e, vector) for e in model.events]
-        frictions = [bind_friction(f, vector) for f in model.frictions]
-        plays = [bind_backlash(b, vector) for b in model.backlashes]
-        count = len(frictions)
+    def of(cls, vector: VectorModel, p: Sequence[Any]) -> "Modes":
+        return cls(_equations(vector), _Values(tuple(np.asarray(v, dtype=float) for v in p), floats(p)))
 
-        def ends(play, x, u):
-            drive, gap = play.drive(x, u, p), play.gap(x, u, p)
-            return drive - gap, drive + gap
+    @property
+    def signs(self) -> np.ndarray:
+        return self.equations.signs
 
-        def followed(x, u, mode):
-            for play, way in zip(plays, mode[count:], strict=True):
-                low, high = ends(play, x, u)
-                z = jnp.where(way > 0, low, jnp.where(way < 0, high, x[play.state]))
-                x = (*x[: play.state], z, *x[play.state + 1 :])
-            return x
+    @property
+    def velocities(self) -> tuple[int, ...]:
+        return self.equations.velocities
 
-        def rubbed(x, u, mode):
-            rates = list(vector.rate(x, u, p))
-            needs, limits = [], []
-            for law, way in zip(frictions, mode[:count], strict=True):
-                effect, sliding = law.effect(x, u, p), law.sliding(x, u, p)
-                need = -rates[law.velocity] / effect[law.velocity]
-                needs.append(need)
-                limits.append(jnp.maximum(law.breakaway(x, u, p), sliding))
-                force = jnp.where(way == 0, need, -way * sliding)
-                rates = [r + e * force for r, e in zip(rates, effect, strict=True)]
-                rates[law.velocity] = jnp.where(way == 0, 0.0, rates[law.velocity])
-            return rates, needs, limits
+    @property
+    def plays(self) -> tuple[int, ...]:
+        return self.equations.plays
 
-        def motion(x, u, du, mode):
-            x, u, du = tuple(x), tuple(u), tuple(du)
-            x = followed(x, u, mode)
-            rates, needs, limits = rubbed(x, u, mode)
-            # what is pushed moves with what pushes it
-            for play, way in zip(plays, mode[count:], strict=True):
-                _, (low, high) = jax.jvp(lambda x, u, play=play: ends(play, x, u), (x, u), (tuple(rates), du))
-                rates[play.state] = jnp.where(way > 0, low, jnp.where(way < 0, high, 0.0))
-            surfaces = [e.when(x, u, p) for e in events]
-            surfaces += [
-                jnp.where(way == 0, limit - jnp.abs(need), way * x[law.velocity])
-                for law, way, need, limit in zip(frictions, mode[:count], needs, limits, strict=True)
-            ]
-            for play, way in zip(plays, mode[count:], strict=True):
-                low, high = ends(play, x, u)
-                pushed = way * rates[play.state]
-                surfaces += [jnp.where(way == 0, x[play.state] - low, pushed), jnp.where(way == 0, high - x[play.state], pushed)]
-            return jnp.stack(rates), jnp.stack(x), jnp.stack(surfaces)
+    def motion(self, x, u, du, mode) -> list[np.ndarray]:
+        """Rates, x with what is pushed, surfaces."""
+        return self.equations.motion(x, u, du, mode, self.p)
 
-        def forces(x, u, mode):
-            _, needs, limits = rubbed(tuple(x), tuple(u), mode)
-            return (jnp.stack(needs), jnp.stack(limits)) if needs else (jnp.zeros(0), jnp.zeros(0))
+    def forces(self, x, u, mode) -> list[np.ndarray]:
+        """Force needed to hold and breakaway force of every friction."""
+        return self.equations.forces(x, u, np.zeros(len(u)), mode, self.p)
 
-        def flanks(x, u):
-            return jnp.array([ends(play, tuple(x), tuple(u)) for play in plays]).reshape(-1, 2)
+    def jump(self, k: int, x, u) -> np.ndarray:
+        """The states behind event k."""
+        return self.equations.jumps[k](x, u, np.zeros(len(u)), np.zeros(len(self.velocities) + len(self.plays)), self.p)[0]
 
-        return cls(
-            np.array([e.sign for e in events], dtype=int),
-            tuple(f.velocity for f in frictions),
-            tuple(b.state for b in plays),
-            jax.jit(motion),
-            jax.jit(forces),
-            tuple(jax.jit(lambda x, u, e=e: jnp.stack(e.then(tuple(x), tuple(u), p))) for e in events),
-            jax.jit(flanks),
-        )
+    def flanks(self, x, u) -> np.ndarray:
+        """Lowest and highest value of every play (k, 2)."""
+        still = np.zeros(len(self.velocities) + len(self.plays))
+        return np.stack(self.equations.flanks(x, u, np.zeros(len(u)), still, self.p), axis=-1)
 
     def follow(self, run: Any, x: np.ndarray, span: Any, inside: np.ndarray) -> np.ndarray:
         """States (n, k) at the times `inside`, the last of them the end of the span."""
@@ -126,14 +198,14 @@ class Modes:
 
     def _begin(self, x: np.ndarray, u: np.ndarray, du: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
         mode = np.zeros(len(self.velocities) + len(self.plays))
-        flanks = np.asarray(self.flanks(x, u))
+        flanks = self.flanks(x, u)
         for k, (i, (low, high)) in enumerate(zip(self.plays, flanks, strict=True)):
             x[i] = np.clip(x[i], low, high)
             size = NEAR * (abs(low) + abs(high) + 1e-300)
             mode[len(self.velocities) + k] = 1.0 if x[i] - low <= size else -1.0 if high - x[i] <= size else 0.0
         for k, i in enumerate(self.velocities):
             mode[k] = np.sign(x[i])
-        need, limit = (np.asarray(v) for v in self.forces(x, u, mode))
+        need, limit = self.forces(x, u, mode)
         for k, i in enumerate(self.velocities):
             if x[i] == 0.0 and abs(need[k]) > limit[k]:
                 mode[k] = -np.sign(need[k])
@@ -141,7 +213,7 @@ class Modes:
 
     def _turned_back(self, x, u, du, mode) -> np.ndarray:
         """The mode with flanks at rest that do not push."""
-        rates = np.asarray(self.motion(x, u, du, mode)[0])
+        rates = self.motion(x, u, du, mode)[0]
         for k, i in enumerate(self.plays, len(self.velocities)):
             if mode[k] * rates[i] <= 0.0:
                 mode[k] = 0.0
@@ -152,10 +224,10 @@ class Modes:
 
         def rate(t, x):
             run.evaluations += 1
-            return np.asarray(self.motion(x, inputs(t), du, mode)[0])
+            return self.motion(x, inputs(t), du, mode)[0]
 
         def surfaces(t, x):
-            return np.asarray(self.motion(x, inputs(t), du, mode)[2])
+            return self.motion(x, inputs(t), du, mode)[2]
 
         if stop - t <= 1e-14 * (abs(stop) + length):
             return stop, x, None
@@ -186,12 +258,12 @@ class Modes:
                         found = self._passed(side, surfaces(middle, dense(middle)))
                         low, high, passed = (low, middle, found) if np.any(found) else (middle, high, passed)
                     self._keep(inside, result, before, high, dense, mode, inputs, du)
-                    x = np.asarray(self.motion(dense(high), inputs(high), du, mode)[1])
+                    x = self.motion(dense(high), inputs(high), du, mode)[1]
                     return high, x, passed
                 side, low = np.where(value != 0.0, np.sign(value), side), high
             self._keep(inside, result, before, solver.t, dense, mode, inputs, du)
             if solver.status == "finished":
-                return stop, np.asarray(self.motion(solver.y, inputs(stop), du, mode)[1]), None
+                return stop, self.motion(solver.y, inputs(stop), du, mode)[1], None
         raise run.failed(solver.t, solver.y)
 
     def _passed(self, side: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -204,25 +276,25 @@ class Modes:
     def _keep(self, inside, result, begin, end, dense, mode, inputs, du) -> None:
         for j in np.flatnonzero((inside > begin) & (inside <= end)):
             s = float(inside[j])
-            result[:, j] = np.asarray(self.motion(dense(s), inputs(s), du, mode)[1])
+            result[:, j] = self.motion(dense(s), inputs(s), du, mode)[1]
 
     def _changed(self, x, u, du, mode, passed, length):
         """The mode and the states behind the surfaces that were passed."""
         mode, x, events = mode.copy(), np.array(x), len(self.signs)
         count = len(self.velocities)
         for k in np.flatnonzero(passed[:events]):
-            x = np.array(self.jumps[k](x, u))
+            x = np.array(self.jump(int(k), x, u))
         if np.any(passed[:events]):
             return self._begin(x, u, du, length)
         for k, i in enumerate(self.velocities):
             if not passed[events + k]:
                 continue
-            need, limit = (np.asarray(v) for v in self.forces(x, u, mode))
+            need, limit = self.forces(x, u, mode)
             if mode[k] == 0.0:
                 mode[k] = -np.sign(need[k])
             else:
                 x[i] = 0.0
-                need, limit = (np.asarray(v) for v in self.forces(x, u, mode))
+                need, limit = self.forces(x, u, mode)
                 mode[k] = 0.0 if abs(need[k]) <= limit[k] else -np.sign(need[k])
         for k in range(len(self.plays)):
             low, high = passed[events + count + 2 * k : events + count + 2 * k + 2]

@@ -20,7 +20,7 @@ import scipy  # scipy.integrate is loaded at its first use
 import plantfit.runtime  # noqa: F401
 from plantfit.native.kept_programs import Kept, described
 from plantfit.simulate.check.modes import Modes
-from plantfit.simulate.check.plain_rate import plain_rate
+from plantfit.simulate.check.on_floats import plain_rate
 from plantfit.simulate.simulator import Drive, Simulator
 
 import jax

@@ -1,4 +1,4 @@
-"""A model's rate as Python on floats: a solver that asks for one value at a time waits ten times as long for a compiled program.
+"""A model's functions as Python on floats: a solver that asks for one value at a time waits ten times as long for a compiled program.
 
 It is arithmetic of its own besides: neither XLA nor the native loops, which simulations run on, take part in it.
 """
@@ -6,6 +6,7 @@ It is arithmetic of its own besides: neither XLA nor the native loops, which sim
 import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def plain_rate(vector: VectorModel, values: Sequence[Any]) -> Callable[[float, n
     made = _written(vector)
     if made is None:
         return None
-    p = [tuple(np.ravel(v).tolist()) if np.ndim(v) else float(v) for v in values]
+    p = floats(values)
     return lambda start, a, b: made(p, float(start), a.tolist(), b.tolist())
 
 
@@ -51,9 +52,8 @@ def plain_rate(vector: VectorModel, values: Sequence[Any]) -> Callable[[float, n
 def _written(vector: VectorModel) -> Callable | None:
     sizes = {"x": len(vector.states), "u": len(vector.channels), "p": len(vector.parameters)}
     names = {letter: [f"{letter}{i}" for i in range(size)] for letter, size in sizes.items()}
-    try:
-        lines = _lines(vector, names)
-    except ModelError:
+    lines = _lines(vector.model.name, vector.rate, placeholders(vector.model), list(names.values()))
+    if lines is None:
         return None
     used = set(re.findall(r"\b[up]\d+\b", lines.text("") + " ".join(lines.results)))
     given = [f"    {n} = p[{i}]" for i, n in enumerate(names["p"]) if n in used]
@@ -67,23 +67,63 @@ def _written(vector: VectorModel) -> Callable | None:
         results=", ".join(lines.results),
         total=" + ".join([*names["x"], *(f"found[{i}]" for i in range(sizes["x"]))]),
     )
+    return _defined(text, "made")
+
+
+_FUNCTION = """
+def called({groups}):
+{given}{lines}    found = [{results}]
+    if not math.isfinite(total := sum(map(sum, found))):
+        raise ValueError(f"the results add up to {{total}}")
+    return found
+"""
+
+
+def on_floats(model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]]) -> Callable[..., list[list[float]]] | None:
+    """`function` of tuples of numbers, shaped as those of `given`, with a tuple of tuples as result: lists in, a list of lists out.
+
+    It raises as `plain_rate` does. None for a function with operations that have no such form.
+    """
+    names = [[f"{letter}{i}" for i in range(len(part))] for letter, part in zip("abcdefgh", given, strict=False)]
+    lines = _lines(model, function, given, names)
+    if lines is None:
+        return None
+    groups = [f"group{k}" for k in range(len(given))]
+    sizes = [len(part) for part in jax.eval_shape(function, *given)]
+    ends = np.cumsum([0, *sizes])
+    text = _FUNCTION.format(
+        groups=", ".join(groups),
+        given="".join(f"    {', '.join(own)}, = {group}\n" for own, group in zip(names, groups, strict=True) if own),
+        lines=lines.text("    "),
+        results=", ".join(f"[{', '.join(lines.results[first:last])}]" for first, last in pairwise(ends)),
+    )
+    return _defined(text, "called")
+
+
+def floats(values: Sequence[Any]) -> list[Any]:
+    """Parameters as these functions take them: an array is one flat tuple."""
+    return [tuple(np.ravel(v).tolist()) if np.ndim(v) else float(v) for v in values]
+
+
+def _defined(text: str, name: str) -> Callable:
     space: dict[str, Any] = {}
     exec("import math\n" + text, space)
-    return space["made"]
+    return space[name]
 
 
-def _lines(vector: VectorModel, names: dict[str, list[str]]) -> Lines:
-    """Assignments and results of the rate; raises ModelError for what has no expression."""
-    given = placeholders(vector.model)
-    closed = jax.make_jaxpr(vector.rate)(*given)
-    writer = ArrayWriter(vector.model.name, "math", LANGUAGES["math"])
-    inputs: list[Any] = [*names["x"], *names["u"]]
-    for name, value in zip(names["p"], given[2], strict=True):
+def _lines(model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]], names: Sequence[Sequence[str]]) -> Lines | None:
+    """Assignments and results of a function of tuples; None where something has no expression."""
+    closed = jax.make_jaxpr(function)(*map(tuple, given))
+    writer, inputs = ArrayWriter(model, "math", LANGUAGES["math"]), []
+    for name, value in zip((n for part in names for n in part), (v for part in given for v in part), strict=True):
         shape = np.shape(value)
         entries = np.array([f"{name}[{k}]" for k in range(int(np.prod(shape)))], dtype=object).reshape(shape)
         inputs.append(Held(entries, name) if shape else name)
-    results = writer.write(closed.jaxpr, [writer.number(c) for c in closed.consts], inputs)
+    try:
+        results = writer.write(closed.jaxpr, [writer.number(c) for c in closed.consts], inputs)
+    except ModelError:
+        return None
     return Lines(tuple(writer.assignments), tuple(results))
 
 
-__all__ = ["plain_rate"]
+__all__ = ["floats", "on_floats", "plain_rate"]

@@ -9,8 +9,8 @@ import pytest
 import plantfit as pf
 from plantfit.models.library.catalogue import make
 from plantfit.models.model import Declared, Model
-from plantfit.simulate.check import tight
-from plantfit.simulate.check.plain_rate import plain_rate
+from plantfit.simulate.check import modes, tight
+from plantfit.simulate.check.on_floats import plain_rate
 from plantfit.simulate.steps.vector import vectorise
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
@@ -124,3 +124,40 @@ def test_a_record_through_tables_is_followed_to_the_same_end(name, monkeypatch):
     known = tight.follow(problem.predictor.stepping(), p, drive)
     assert found.stopped is known.stopped is None
     np.testing.assert_allclose(found.states, known.states, rtol=1e-7, atol=1e-9)
+
+
+STICKS = """
+x' = v
+v' = (k*u - 3*x - friction(v, 0.7, 1.1))/1.3
+z = play(x, gap)
+w' = -w
+when rising(x - 0.2): w = w + 1
+y = z
+"""
+
+
+def test_friction_backlash_and_events_are_followed_to_the_same_end(monkeypatch):
+    spoken = {n: {"bounds": (0.01, 9.0)} for n in ("k", "gap")}
+    model = pf.equations(STICKS, states=["x", "v", "z", "w"], inputs=["u"], outputs=["y"], parameters=spoken)
+    p, t = {"k": 2.0, "gap": 0.05}, np.arange(0.0, 10.0, 0.1)
+    signals = {"u": pf.Signal(1.5 * np.sin(0.9 * t)), "y": pf.Signal(0.0 * t)}
+    problem = pf.Problem(model, pf.Recording(t, signals), {n: pf.Parameter(value=v) for n, v in p.items()})
+    [drive] = problem.data["drive"].values()
+    asked = []
+    compiled = modes._Function.__call__
+
+    def called(self, *given):
+        asked.append(self.plain is not None)
+        return compiled(self, *given)
+
+    monkeypatch.setattr(modes._Function, "__call__", called)
+    found = tight.follow(problem.predictor.stepping(), p, drive)
+    assert asked
+    assert all(asked)
+    monkeypatch.setattr(modes, "on_floats", lambda *_: None)
+    modes._equations.cache_clear()
+    known = tight.follow(problem.predictor.stepping(), p, drive)
+    modes._equations.cache_clear()
+    assert found.stopped is known.stopped is None
+    assert np.any(found.states[3] > 0.5)  # the event came
+    np.testing.assert_allclose(found.states, known.states, rtol=1e-8, atol=1e-10)
