@@ -160,19 +160,19 @@ class Modes:
     def plays(self) -> tuple[int, ...]:
         return self.equations.plays
 
-    def motion(self, x, u, du, mode) -> list[np.ndarray]:
+    def motion(self, x: np.ndarray, u: np.ndarray, du: np.ndarray, mode: np.ndarray) -> list[np.ndarray]:
         """Rates, x with what is pushed, surfaces."""
         return self.equations.motion(x, u, du, mode, self.p)
 
-    def forces(self, x, u, mode) -> list[np.ndarray]:
+    def forces(self, x: np.ndarray, u: np.ndarray, mode: np.ndarray) -> list[np.ndarray]:
         """Force needed to hold and breakaway force of every friction."""
         return self.equations.forces(x, u, np.zeros(len(u)), mode, self.p)
 
-    def jump(self, k: int, x, u) -> np.ndarray:
+    def jump(self, k: int, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The states behind event k."""
         return self.equations.jumps[k](x, u, np.zeros(len(u)), np.zeros(len(self.velocities) + len(self.plays)), self.p)[0]
 
-    def flanks(self, x, u) -> np.ndarray:
+    def flanks(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Lowest and highest value of every play (k, 2)."""
         still = np.zeros(len(self.velocities) + len(self.plays))
         return np.stack(self.equations.flanks(x, u, np.zeros(len(u)), still, self.p), axis=-1)
