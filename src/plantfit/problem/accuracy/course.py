@@ -4,7 +4,6 @@ A mesh has another number of steps in every round of its making. A loop over all
 compiled for one block of `BLOCK` steps, and records are worked off in such blocks, the last one filled with steps of length 0.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,34 +20,39 @@ import jax.numpy as jnp
 BLOCK = 256  # steps of one call: some 0.1 ms beside what they take
 
 
-def course(vector: VectorModel, stepper: str) -> Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Any], np.ndarray]:
-    """A function of first states (C, n), inputs at both ends of steps (C, K, c), lengths (C, K) in seconds and parameters, each (C, ...).
+class Course:
+    """The states of candidates along steps; compiled once for a number of candidates."""
 
-    It gives the states (C, K + 1, n) at all ends of steps; from one on that cannot be taken they are not finite.
-    """
-    step = STEPPERS[stepper].step
+    def __init__(self, vector: VectorModel, stepper: str):
+        step = STEPPERS[stepper].step
 
-    def block(x, u0, u1, length, values):
-        def body(x, row):
-            x = step(vector.rate, x, row[0], row[1], row[2], values, True, vector.pattern)
-            x = tuple(jnp.asarray(v, dtype=float) for v in x)
-            return x, x
+        def block(x, u0, u1, length, values):
+            def body(x, row):
+                x = step(vector.rate, x, row[0], row[1], row[2], values, True, vector.pattern)
+                x = tuple(jnp.asarray(v, dtype=float) for v in x)
+                return x, x
 
-        rows = tuple(u0.T), tuple(u1.T), length
-        _, states = native_scan(body, tuple(x), rows, keep=True, fallback=True)
-        return jnp.stack(states, axis=1)
+            rows = tuple(u0.T), tuple(u1.T), length
+            _, states = native_scan(body, tuple(x), rows, keep=True, fallback=True)
+            return jnp.stack(states, axis=1)
 
-    compiled = Kept(jax.vmap(block), "course", described((vector.model, stepper)))
+        self.compiled = Kept(jax.vmap(block), "course", described((vector.model, stepper)))
 
-    def states(x0, u0, u1, length, values):
+    def states(self, x0: np.ndarray, u0: np.ndarray, u1: np.ndarray, length: np.ndarray, values: Any) -> np.ndarray:
+        """States (C, K + 1, n) at all ends of steps; from one on that cannot be taken they are not finite.
+
+        From first states (C, n), inputs at both ends of the steps (C, K, c), lengths (C, K) in seconds and parameters, each (C, ...).
+        """
         count, steps = length.shape
         found = np.empty((count, steps + 1, x0.shape[1]))
         found[:, 0], values = x0, jax.device_put(values)
         for begin in range(0, steps, BLOCK):
-            part = slice(begin, min(begin + BLOCK, steps))
-            rest = begin + BLOCK - part.stop
-            a, b, h = (np.pad(v[:, part], [(0, 0), (0, rest)] + [(0, 0)] * (v.ndim - 2)) for v in (u0, u1, length))
-            found[:, begin + 1 : part.stop + 1] = np.asarray(compiled(found[:, begin], a, b, h, values))[:, : BLOCK - rest]
+            stop = min(begin + BLOCK, steps)
+            a, b, h = (_filled(v[:, begin:stop]) for v in (u0, u1, length))
+            found[:, begin + 1 : stop + 1] = np.asarray(self.compiled(found[:, begin], a, b, h, values))[:, : stop - begin]
         return found
 
-    return states
+
+def _filled(rows: np.ndarray) -> np.ndarray:
+    """Values of steps (C, k, ...) as those of a whole block, with zeros behind them."""
+    return np.pad(rows, [(0, 0), (0, BLOCK - rows.shape[1])] + [(0, 0)] * (rows.ndim - 2))

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.accuracy.course import course
+from plantfit.problem.accuracy.course import Course
 from plantfit.problem.problem import Problem
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Drive, Simulator
@@ -83,7 +83,7 @@ class _Compiled(NamedTuple):
     """What is compiled once for a model, for rows of candidates."""
 
     rates: Rates
-    course: Callable  # first states, inputs at both ends of steps, lengths, parameters -> states (C, K + 1, n); see `course`
+    course: Course
     initial: Callable  # (p, first_input, first_output) -> (C, n)
     steps: Callable  # (p, drive) -> the grid and inputs of every candidate
     outputs: Callable  # (states (C, m, n), channels (C, m, c), values) -> values (C, m, o), slopes (C, m, o, n)
@@ -109,7 +109,7 @@ def _compiled(vector: VectorModel, stepper: str, interpolated: tuple[str, ...]) 
 
     return _Compiled(
         Rates(vector),
-        course(vector, stepper),
+        Course(vector, stepper),
         jax.jit(jax.vmap(lambda p, *first: jnp.stack(simulator.initial(p, *first)), in_axes=(0, None, None))),
         jax.jit(jax.vmap(steps, in_axes=(0, None))),
         jax.jit(jax.vmap(jax.vmap(both, in_axes=(0, 0, None)))),
@@ -218,8 +218,8 @@ def _followed(made: _Compiled, x0: np.ndarray, inputs: tuple[np.ndarray, ...], v
     u0, u1, length = inputs
     middle = 0.5 * (u0 + u1)
     begin, end = (np.stack(pair, axis=2).reshape(len(u0), -1, u0.shape[2]) for pair in ((u0, middle), (middle, u1)))
-    fine = made.course(x0, begin, end, np.repeat(0.5 * length, 2, axis=1), values)
-    return made.course(x0, u0, u1, length, values), fine[:, ::2]
+    fine = made.course.states(x0, begin, end, np.repeat(0.5 * length, 2, axis=1), values)
+    return made.course.states(x0, u0, u1, length, values), fine[:, ::2]
 
 
 def _single_steps(step: Step, rates: Rates, x: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, np.ndarray]:
