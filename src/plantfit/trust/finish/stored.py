@@ -22,7 +22,7 @@ from plantfit.optimize.contract import RunResult
 from plantfit.problem.measure.scale_source import ScaleSource
 from plantfit.problem.problem import Problem
 from plantfit.study.store.codec import to_blob, to_json
-from plantfit.study.versions import versions
+from plantfit.study.versions import cpu_model, versions
 
 EDITION = 1  # of the bytes below
 DIGEST = hashlib.sha256().digest_size
@@ -45,7 +45,7 @@ def finish_key(problem: Problem, runs: Sequence[RunResult]) -> str | None:
     )  # fmt: skip
     if about is None:
         return None
-    digest = hashlib.sha256(about + repr((EDITION, sorted(versions().items()), len(runs))).encode())
+    digest = hashlib.sha256(about + repr((EDITION, sorted(versions().items()), cpu_model(), len(runs))).encode())
     for r in runs:
         told = to_json([r.method, r.run, r.seed, r.evaluations, r.status, r.failures, r.extra])
         for part in (told.encode(), to_blob(r.x), to_blob([r.cost])):
