@@ -12,9 +12,9 @@ from plantfit.answer import Answer as Answer
 from plantfit.errors import SearchError
 from plantfit.estimate.estimate import Estimate
 from plantfit.optimize import minimise
-from plantfit.optimize.contract import Host, Population, RunResult
-from plantfit.problem.problem import Problem, StudyFile
-from plantfit.stages import Prepared, Stated, begin, judged, prepare, stated_in_file, stored_runs
+from plantfit.optimize.contract import Host, Population
+from plantfit.problem.problem import Problem
+from plantfit.stages import Stated, begin, judged, judged_in_store, prepare, stated_in_file, stored_runs
 from plantfit.study.plan import Plan, default_budget
 from plantfit.study.running import runner
 from plantfit.study.store.store import Store
@@ -74,20 +74,24 @@ def fit(
     budget = budget or default_budget(problem.space.dimension)
     started = time.perf_counter()
     if store is None:
-        results: Sequence[RunResult] = minimise(
+        results = minimise(
             prepared.objective, method, runs=runs, budget=budget, seed=seed, settings=dict(settings or {}), progress=progress, stop=stop
         )
-    else:
-        if not isinstance(method, str):
-            raise SearchError(
-                "A store keeps a method by its name, so that other processes can go on with it; give method='cmaes' and settings={...}, "
-                "or leave store out."
-            )
-        plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings)} if settings else {})
-        results = _kept(store, plan, prepared, file, progress, stop)
-        spec = spec if file is None else file.text
-    seconds = {"prepare": prepared.seconds, "search": time.perf_counter() - started}
-    return judged(prepared.problem, results, seed=seed, spec=spec, command=command, seconds=seconds, stated=stated)
+        seconds = {"prepare": prepared.seconds, "search": time.perf_counter() - started}
+        return judged(prepared.problem, results, seed=seed, spec=spec, command=command, seconds=seconds, stated=stated)
+    if not isinstance(method, str):
+        raise SearchError(
+            "A store keeps a method by its name, so that other processes can go on with it; give method='cmaes' and settings={...}, "
+            "or leave store out."
+        )
+    plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings)} if settings else {})
+    opened = store if isinstance(store, Store) else Store.open(store)
+    number = begin(prepared, plan, opened, None if file is None else file.text, None if file is None else file.path)
+    runner.resume(opened, number, prepared.objective, to_physical=prepared.to_physical, progress=progress, stop=stop)
+    return judged_in_store(
+        opened, number, problem, stored_runs(opened, number), prepared, seed=seed, spec=spec if file is None else file.text,
+        command=command, seconds={"prepare": prepared.seconds, "search": time.perf_counter() - started}, stated=stated,
+    )  # fmt: skip
 
 
 def _stated(problem: Problem, errors: Sequence[SharedError] | None, draws: int | None, stored: bool) -> Stated:
@@ -99,14 +103,6 @@ def _stated(problem: Problem, errors: Sequence[SharedError] | None, draws: int |
             "file; write them into the file, or leave errors or store out."
         )
     return stated_in_file(problem, errors, draws)
-
-
-def _kept(store: Any, plan: Plan, prepared: Prepared, file: StudyFile | None, progress: Any, stop: Any) -> list[RunResult]:
-    """The finished runs of a plan that is begun in a store. Raises StoreError where none was finished before `stop`."""
-    opened = store if isinstance(store, Store) else Store.open(store)
-    number = begin(prepared, plan, opened, None if file is None else file.text, None if file is None else file.path)
-    runner.resume(opened, number, prepared.objective, to_physical=prepared.to_physical, progress=progress, stop=stop)
-    return stored_runs(opened, number)
 
 
 def estimate_at(problem: Problem, z: np.ndarray, names: Sequence[str]) -> Estimate:

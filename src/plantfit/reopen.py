@@ -1,4 +1,4 @@
-"""A stored study as an `Answer`: its problem made anew, its runs brought to their end on it."""
+"""A stored study as an `Answer`: its problem made anew, with the steps and the ends of its runs that finishing found."""
 
 import difflib
 import os
@@ -10,8 +10,7 @@ from plantfit import spec
 from plantfit.answer import Answer
 from plantfit.errors import StoreError
 from plantfit.problem.problem import Problem
-from plantfit.stages import Prepared, judged, prepare, stated_in_file, stored_runs
-from plantfit.study.running.probe import check_same, probe
+from plantfit.stages import Prepared, judged_in_store, stated_in_file, stored_runs
 from plantfit.study.store.addresses import STORE, VARIABLE, shown
 from plantfit.study.store.records import StudyRecord
 from plantfit.study.store.store import Store
@@ -33,6 +32,9 @@ def open_study(
     recordings beside the place where that file lay. Of a problem that was written in Python the store has nothing but its runs: give
     the same `problem` again, and its cost is compared with that of the day. `errors` and `draws` are by default those of the study file.
 
+    What finishing found (steps, scales, the ends of the runs) is kept in the store. It is used for the same problem and runs by the same
+    plantfit on the same kind of machine; else the study is finished anew.
+
     A study with runs that are not finished gives the answer of those that are. Raises StoreError for a store, a name or a number that
     is not there, for a study without finished runs and for another problem, RecordingError for recordings that are gone.
     """
@@ -42,10 +44,9 @@ def open_study(
     read = study_of(record) if problem is None else None
     given = problem if read is None else read.problem
     assert given is not None
-    prepared, file = prepare(given), given.study_file
-    check_same(opened.probe(record.id), probe(prepared.objective, prepared.to_physical), record.id)
-    return judged(
-        prepared.problem, runs, seed=int(record.plan["seed"]), spec=None if file is None else file.text,
+    file = given.study_file
+    return judged_in_store(
+        opened, record.id, given, runs, refuse=True, seed=int(record.plan["seed"]), spec=None if file is None else file.text,
         command=_command(record, read) if read else "", seconds={}, stated=stated_in_file(given, errors, draws),
     )  # fmt: skip
 
@@ -70,10 +71,9 @@ def answer_of(
 
     Raises StoreError where no run is finished.
     """
-    runs, problem = stored_runs(store, record.id), (prepared or prepare(study.problem)).problem
-    return judged(
-        problem, runs, seed=int(record.plan["seed"]), spec=study.text, command=_command(record, study), seconds=seconds,
-        stated=(study.errors, study.draws),
+    return judged_in_store(
+        store, record.id, study.problem, stored_runs(store, record.id), prepared, seed=int(record.plan["seed"]), spec=study.text,
+        command=_command(record, study), seconds=seconds, stated=(study.errors, study.draws),
     )  # fmt: skip
 
 

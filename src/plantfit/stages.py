@@ -5,7 +5,7 @@
     finish    scales, steps fine enough, and every run led to its end on that final problem
     judge     findings, when they are asked for
 
-`judged` takes runs, however they were searched, through the last two.
+`judged` takes runs, however they were searched, through the last two; `judged_in_store` those of a stored study, which is finished once.
 """
 
 import dataclasses
@@ -26,10 +26,12 @@ from plantfit.problem.shooting.start import Shooting
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan
 from plantfit.study.running import runner
+from plantfit.study.running.probe import check_same, probe
 from plantfit.study.running.task_worker import ToPhysical
 from plantfit.study.store.addresses import shown
 from plantfit.study.store.store import Store
 from plantfit.trust.finish.final_problem import finish
+from plantfit.trust.finish.stored import finish_bytes, finish_key, finish_of_bytes
 from plantfit.trust.stated_errors.shared_error import SharedError
 
 Stated = tuple[Sequence[SharedError], int | None]
@@ -96,3 +98,36 @@ def judged(
     final, results = finish(problem, runs)
     spent = {**seconds, "finish": time.perf_counter() - began}
     return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
+
+
+def judged_in_store(
+    store: Store, number: int, problem: Problem, runs: Sequence[RunResult], prepared: Prepared | None = None, *, refuse: bool = False,
+    seed: int, spec: str | None, command: str, seconds: Mapping[str, float], stated: Stated,
+) -> Answer:  # fmt: skip
+    """The answer of the runs of a stored study: with the finishing that the store keeps, else finished now, and kept there.
+
+    `problem` is as it was written, `prepared` the same where it is prepared already. Another problem than that of the study is not kept,
+    and with `refuse` it raises StoreError.
+    """
+    key, began = finish_key(problem, runs), time.perf_counter()
+    found = None if key is None else finish_of_bytes(store.finish_of(number, key), key, problem, runs)
+    if found is None:
+        prepared = prepared or prepare(problem)
+        same = _is_of_study(store, number, prepared, refuse)
+        began = time.perf_counter()
+        found = finish(prepared.problem, runs)
+        if key is not None and same:
+            store.keep_finish(number, key, finish_bytes(key, *found))
+    spent = {**seconds, "finish": time.perf_counter() - began}
+    return Answer(*found, seed, spec, command, spent, tuple(stated[0]), stated[1])
+
+
+def _is_of_study(store: Store, number: int, prepared: Prepared, refuse: bool) -> bool:
+    """Whether a problem is that of a stored study; with `refuse` another one raises StoreError."""
+    try:
+        check_same(store.probe(number), probe(prepared.objective, prepared.to_physical), number)
+    except StoreError:
+        if refuse:
+            raise
+        return False
+    return True

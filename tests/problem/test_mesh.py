@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 import plantfit as pf
 from plantfit.problem import Problem, checked_cost
 from plantfit.problem.accuracy import mesh
+from plantfit.problem.accuracy.course import BLOCK, Course
 from plantfit.problem.accuracy.mesh import can_mesh, effects, errors_at, mesh_at
 from plantfit.problem.accuracy.steps import LONG_MESH, choose_substeps, refined_at, steps_for
 from plantfit.problem.evaluate.points import residuals
@@ -189,3 +190,35 @@ def test_a_mesh_of_a_box_that_nothing_follows_is_given_up_for_adaptive_steps(mon
     assert max(rounds) <= LONG_MESH
     off = np.asarray(residuals(chosen, at(chosen, w=5.0))) * chosen.scales["angle"]
     assert np.sqrt(np.mean(off**2)) < 3e-3 * np.std(swing)
+
+
+@pytest.mark.parametrize("name", [name for name, stepper in STEPPERS.items() if stepper.place_on_arrays])
+def test_a_course_in_compiled_blocks_is_that_of_one_step_after_the_other(name):
+    model = pf.equations(
+        "a' = -3*q*a + b*u\n b' = a - b*b*c - b\n c' = sin(b) - c*u\n y = a",
+        inputs=["u"], states=["a", "b", "c"], outputs=["y"], parameters={"q": {"bounds": (0.1, 1)}},
+    )  # fmt: skip
+    vector = Problem(model, from_arrays(T, signals={"u": T, "y": T}, name="run")).predictor.stepping().vector
+    random, steps = np.random.default_rng(3), BLOCK + 40
+    x0, q, h = random.random((2, 3)), np.array([0.2, 0.8]), 0.2 * random.random((2, steps))
+    u0, u1 = random.random((2, steps, 2)), random.random((2, steps, 2))
+    run, x = Course(vector, name), x0
+    found = run.states(x0, u0, u1, h, (q,))
+    rates = Rates(vector)
+    for k in range(steps):
+        np.testing.assert_allclose(found[:, k], x, rtol=1e-9)
+        x = STEPPERS[name].on_arrays(rates, x, u0[:, k], u1[:, k], h[:, k], (q,))
+    np.testing.assert_allclose(found[:, steps], x, rtol=1e-9)
+    np.testing.assert_array_equal(run.states(x0[:1], u0[:1], u1[:1], h[:1], (q[:1],))[0], found[0])  # the same bits alone
+
+
+def test_finer_meshes_of_a_model_compile_nothing_anew():
+    problem = problem_of()
+    z = at(problem, f=200.0, k=0.3)
+    vector = problem.predictor.stepping().vector
+    programs = []
+    for count in (20, 333, 600):
+        effects(problem.with_mesh({"run": np.linspace(0.0, 10.0, count)[1:-1]}), z[None, :], "run", {"y": 1.0})
+        made = mesh._compiled(vector, "exponential", ())
+        programs.append((id(made), len(made.rates._all._programs), len(made.course.compiled._programs)))
+    assert programs == [(programs[0][0], 1, 1)] * 3

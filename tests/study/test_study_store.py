@@ -151,6 +151,21 @@ def test_a_study_whose_worker_died_after_the_last_task_is_done(store):
     assert store.study(study_id).state == "done"
 
 
+def test_what_finishing_found_is_kept_once_under_its_key_and_goes_with_the_study(store):
+    number = add(store)
+    assert store.finish_of(number, "key") is None
+    store.keep_finish(number, "key", b"\0\xff")
+    assert Store.open(store.address).finish_of(number, "key") == b"\0\xff"
+    assert store.finish_of(number, "other") is None
+    store.keep_finish(number, "other", b"new")
+    assert (store.finish_of(number, "key"), store.finish_of(number, "other")) == (None, b"new")
+    assert Store.open(store.address).finish_of(number, "other") == b"new"
+    store.delete(number)
+    assert store.finish_of(number, "other") is None
+    store.keep_finish(number, "other", b"late")  # a study that is gone keeps nothing, and says nothing
+    assert store.finish_of(number, "other") is None
+
+
 def test_delete(store):
     one, other = add(store), add(store)
     finish_one(store, one)

@@ -55,21 +55,24 @@ class _Describer(pickle.Pickler):
 class _Digest:
     """A file that is only hashed."""
 
-    def __init__(self) -> None:
-        self.hash, self.size = hashlib.sha256(_machine() + _sources()), 0
+    def __init__(self, largest: int | None) -> None:
+        self.hash, self.size, self.largest = hashlib.sha256(_machine() + _sources()), 0, largest
 
     def write(self, content: Any) -> int:
         size = memoryview(content).nbytes
         self.size += size
-        if self.size > LARGEST:
+        if self.largest is not None and self.size > self.largest:
             raise NotDescribed("more data than a compilation is worth")
         self.hash.update(content)
         return size
 
 
-def described(thing: Any) -> bytes | None:
-    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none."""
-    file = _Digest()
+def described(thing: Any, largest: int | None = LARGEST) -> bytes | None:
+    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none.
+
+    `largest` is how many bytes it may have, None for any number.
+    """
+    file = _Digest(largest)
     try:
         _Describer(file, protocol=5).dump(thing)
     except Exception:  # whatever a pickle of the user's objects raises: it is compiled anew

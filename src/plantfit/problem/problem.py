@@ -34,7 +34,7 @@ from plantfit.space import Space
 import jax
 import jax.numpy as jnp
 
-_OF_DATA = ("data", "arguments", "unsmoothed", "_description")  # made when first asked for
+_OF_DATA = ("data", "arguments", "unsmoothed", "gradient_charge", "_description")  # made when first asked for
 _NOT_COMPILED = ("study_file", "name")
 _PREPARED = ("parts",)  # made by `_prepare`
 

@@ -16,16 +16,19 @@ A mesh is data: costs, gradients and Jacobians are exact for it, whatever candid
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.accuracy.course import Course
 from plantfit.problem.problem import Problem
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.array_steppers import Rates, Step, propagator
 from plantfit.simulate.steps.registry import STEPPERS
+from plantfit.simulate.steps.vector import VectorModel
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +41,8 @@ WORST = 8.0  # times less than the worst, down to which steps are among them
 FASTEST = 5  # halvings of an interval in one refinement, at most
 BLIND = 12  # refinements of a record that cannot be followed, at most
 MOST_STEPS = 100_000  # of a mesh, all recordings together
-SPARSE = 3_000  # samples of all recordings together, up to which a mesh is made: it takes a tenth of a millisecond for every step
+SPARSE = 3_000  # samples of all recordings together, up to which a mesh is made
+ROWS = 512  # single steps that are taken at once
 AIM = 0.5  # of the tolerance that a refinement aims at
 
 
@@ -79,14 +83,16 @@ class _Compiled(NamedTuple):
     """What is compiled once for a model, for rows of candidates."""
 
     rates: Rates
+    course: Course
     initial: Callable  # (p, first_input, first_output) -> (C, n)
     steps: Callable  # (p, drive) -> the grid and inputs of every candidate
     outputs: Callable  # (states (C, m, n), channels (C, m, c), values) -> values (C, m, o), slopes (C, m, o, n)
     late: Callable  # (p, drive) -> channels (C, N, c)
 
 
-def _compile(simulator: Simulator) -> _Compiled:
-    vector = simulator.vector
+@lru_cache(maxsize=8)  # not kept with the problem: every mesh is a problem of its own
+def _compiled(vector: VectorModel, stepper: str, interpolated: tuple[str, ...]) -> _Compiled:
+    simulator = Simulator(vector, stepper, 1, interpolated)
 
     def output(x, u, values):
         return jnp.stack([jnp.asarray(v, dtype=float) for v in vector.output(tuple(x), tuple(u), values)])
@@ -103,6 +109,7 @@ def _compile(simulator: Simulator) -> _Compiled:
 
     return _Compiled(
         Rates(vector),
+        Course(vector, stepper),
         jax.jit(jax.vmap(lambda p, *first: jnp.stack(simulator.initial(p, *first)), in_axes=(0, None, None))),
         jax.jit(jax.vmap(steps, in_axes=(0, None))),
         jax.jit(jax.vmap(jax.vmap(both, in_axes=(0, 0, None)))),
@@ -113,8 +120,7 @@ def _compile(simulator: Simulator) -> _Compiled:
 def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, float]) -> list[Effects]:
     """Of the steps of one moving recording at cube points (C, d), for all its measured samples, in `units` of the outputs."""
     own, drive = problem.predictor.stepping(), problem.whole_drives[name]
-    single = Simulator(own.vector, own.stepper, 1, own.interpolated)
-    made = problem.once(("effects", own.stepper), lambda: _compile(single))
+    made = _compiled(own.vector, own.stepper, own.interpolated)
     trees = [problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name) for z in zs]
     p = {k: np.stack([np.asarray(t[k], dtype=float) for t in trees]) for k in trees[0]}
     values = tuple(p[n] for n in own.vector.parameters)
@@ -122,7 +128,8 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
     with np.errstate(all="ignore"):
         x0 = np.asarray(made.initial(p, drive.first_input, drive.first_output))
         rank, sample, u0, u1, length = _grid(made, p, drive)
-        coarse, fine, local, jacobian = _followed(STEPPERS[own.stepper].on_arrays, made.rates, x0, (u0, u1, length), values)
+        coarse, fine = _followed(made, x0, (u0, u1, length), values)
+        local, jacobian = _single_steps(STEPPERS[own.stepper].on_arrays, made.rates, fine[:, :-1], (u0, u1, length), values)
         channels = _channels(made, p, drive)[:, places]
         own_rank = rank[:, places]
         rows = np.arange(len(zs))[:, None]
@@ -150,35 +157,31 @@ def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str
     own, drive = problem.predictor.stepping(), problem.whole_drives[name]
     if drive.delayed:
         return None
-    single = Simulator(own.vector, own.stepper, 1, own.interpolated)
-    made = problem.once(("effects", own.stepper), lambda: _compile(single))
+    made = _compiled(own.vector, own.stepper, own.interpolated)
     tree = problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name)
     p = {k: np.asarray(v, dtype=float) for k, v in tree.items()}
-    tight = follow(single, p, drive)
+    tight = follow(Simulator(own.vector, own.stepper, 1, own.interpolated), p, drive)
     if tight.stopped is not None or not np.all(np.isfinite(tight.states)):
         return None
     x, rows = tight.states.T, {k: v[None] for k, v in p.items()}
-    rank, _, u0, u1, length = (a[0] for a in _grid(made, rows, drive))
-    values = tuple(np.broadcast_to(p[n], (len(length), *p[n].shape)) for n in own.vector.parameters)
-    step, middle, half = STEPPERS[own.stepper].on_arrays, 0.5 * (u0 + u1), 0.5 * length
+    rank, _, u0, u1, length = _grid(made, rows, drive)
+    alike = tuple(rows[n] for n in own.vector.parameters)
+    rank = rank[0]
     with np.errstate(all="ignore"):
-        begun = step(made.rates, x[:-1], u0, middle, half, values)
-        local = step(made.rates, x[:-1], u0, u1, length, values) - step(made.rates, begun, middle, u1, half, values)
-        jacobian = made.rates.linear(x[:-1], u0, np.zeros_like(u0), values)[1]
-        forwards = propagators(jacobian[None], length[None])
+        local, jacobian = _single_steps(STEPPERS[own.stepper].on_arrays, made.rates, x[None, :-1], (u0, u1, length), alike)
+        forwards = propagators(jacobian, length)
         places, counts = _scored(problem, name, units)
-        alike = tuple(np.asarray(v)[:1] for v in values)
         _, slopes = (np.asarray(a) for a in made.outputs(x[None, rank[places]], _channels(made, rows, drive)[:, places], alike))
         slopes = np.where(counts[:, :, None] > 0, slopes[0] * counts[:, :, None], 0.0)
         off = np.zeros_like(x)
-        for k in range(len(length)):
-            off[k + 1] = forwards[0, k] @ off[k] + local[k]
+        for k in range(length.shape[1]):
+            off[k + 1] = forwards[0, k] @ off[k] + local[0, k]
         error = np.einsum("koi,ki->ko", slopes, off[rank[places]])
-        squares = np.zeros((1, len(length) + 1, x.shape[1], x.shape[1]))
+        squares = np.zeros((1, length.shape[1] + 1, x.shape[1], x.shape[1]))
         np.add.at(squares[0], rank[places], np.einsum("koi,koj->kij", slopes, slopes))
-        share = _reach(local[None], forwards, squares)[0]
+        share = _reach(local, forwards, squares)[0]
     q = 2.0 ** STEPPERS[own.stepper].order
-    return Effects(error[counts > 0] * q / (q - 1.0), share * q / (q - 1.0), _relative(local[None], x[None])[0])
+    return Effects(error[counts > 0] * q / (q - 1.0), share * q / (q - 1.0), _relative(local, x[None])[0])
 
 
 def _scored(problem: Problem, name: str, units: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -210,24 +213,34 @@ def _channels(made: _Compiled, p: Mapping[str, np.ndarray], drive: Drive) -> np.
     return np.broadcast_to(own, (count, *own.shape))
 
 
-def _followed(step: Step, rates: Rates, x0: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, ...]:
-    """States (C, K + 1, n) by these steps and by half of them, errors of single steps (C, K, n), Jacobians there (C, K, n, n)."""
+def _followed(made: _Compiled, x0: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, np.ndarray]:
+    """States (C, K + 1, n) at the ends of these steps, by them and by half of them."""
     u0, u1, length = inputs
-    count, n = x0.shape
-    coarse, fine = np.empty((count, length.shape[1] + 1, n)), np.empty((count, length.shape[1] + 1, n))
-    local, jacobian = np.zeros((count, length.shape[1], n)), np.zeros((count, length.shape[1], n, n))
-    coarse[:, 0] = fine[:, 0] = x0
-    thrice, values = (jax.device_put(v) for v in (jax.tree.map(lambda a: np.concatenate([a, a, a]), values), values))
-    for k in range(length.shape[1]):
-        a, b, h = u0[:, k], u1[:, k], length[:, k]
+    middle = 0.5 * (u0 + u1)
+    begin, end = (np.stack(pair, axis=2).reshape(len(u0), -1, u0.shape[2]) for pair in ((u0, middle), (middle, u1)))
+    fine = made.course.states(x0, begin, end, np.repeat(0.5 * length, 2, axis=1), values)
+    return made.course.states(x0, u0, u1, length, values), fine[:, ::2]
+
+
+def _single_steps(step: Step, rates: Rates, x: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (C, K, n) of single steps from these states (C, K, n), and Jacobians there (C, K, n, n).
+
+    All steps of all candidates are rows, which are worked off `ROWS` at once, so that rates are compiled for one number of rows.
+    """
+    shape, (u0, u1, length) = x.shape, inputs
+    x, u0, u1, length = x.reshape(-1, shape[2]), u0.reshape(-1, u0.shape[2]), u1.reshape(-1, u1.shape[2]), length.reshape(-1)
+    local, jacobian = np.empty(x.shape), np.empty((*x.shape, shape[2]))
+    for begin in range(0, len(x), ROWS):
+        stop = min(begin + ROWS, len(x))
+        rows = np.minimum(np.arange(begin, begin + ROWS), len(x) - 1)
+        own = jax.device_put(tuple(v[rows // shape[1]] for v in values))
+        at, a, b, h = x[rows], u0[rows], u1[rows], length[rows]
         middle, half = 0.5 * (a + b), 0.5 * h
-        before = np.concatenate([coarse[:, k], fine[:, k], fine[:, k]])
-        after = step(rates, before, np.concatenate([a, a, a]), np.concatenate([b, b, middle]), np.concatenate([h, h, half]), thrice)
-        begun = after[2 * count :]
-        later = step(rates, begun, middle, b, half, values)
-        coarse[:, k + 1], fine[:, k + 1], local[:, k] = after[:count], later, after[count : 2 * count] - later
-        jacobian[:, k] = rates.linear(fine[:, k], a, np.zeros_like(a), values)[1]
-    return coarse, fine, local, jacobian
+        begun = step(rates, at, a, middle, half, own)
+        error = step(rates, at, a, b, h, own) - step(rates, begun, middle, b, half, own)
+        local[begin:stop] = error[: stop - begin]
+        jacobian[begin:stop] = rates.linear(at, a, np.zeros_like(a), own)[1][: stop - begin]
+    return local.reshape(shape), jacobian.reshape(*shape, shape[2])
 
 
 def _relative(local: np.ndarray, states: np.ndarray) -> np.ndarray:

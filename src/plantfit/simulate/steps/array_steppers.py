@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.kept_programs import Kept, described
 from plantfit.simulate.steps.steppers import GAMMA
 from plantfit.simulate.steps.vector import VectorModel
 
@@ -28,8 +29,9 @@ class Rates:
             f, by_input = jax.jvp(lambda u: rate(x, u, p), (u,), (du,))
             return f, jax.jacfwd(rate)(x, u, p), by_input
 
-        self._all = jax.jit(jax.vmap(all_of))
-        self._rate = jax.jit(jax.vmap(rate))
+        description = described(vector.model)
+        self._all = Kept(jax.vmap(all_of), "rates with slopes", description)
+        self._rate = Kept(jax.vmap(rate), "rates", description)
 
     def linear(self, x: np.ndarray, u: np.ndarray, du: np.ndarray, p: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rate, Jacobian, and the change of the rate by that of the inputs."""

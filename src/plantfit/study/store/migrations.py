@@ -39,7 +39,7 @@ def migrate(connection: Connection, name: str, migrations: tuple[Migration, ...]
             "update plantfit to open it."
         )
     if version == 0:
-        tables.metadata.create_all(connection)
+        tables.metadata.create_all(connection, tables=tables.OF_SCHEMA)
         later = migrations[VERSION - 1 :]
     else:
         later = migrations[version - 1 :]

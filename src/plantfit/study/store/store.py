@@ -3,13 +3,13 @@
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Engine, Row, delete, func, insert, select, update
+from sqlalchemy import Connection, Engine, Row, delete, func, insert, inspect, select, update
 
 from plantfit.errors import StoreError
 from plantfit.study.plan import Plan, tasks
@@ -176,6 +176,24 @@ class Store:
         with self._write() as connection:
             one_at_a_time(connection)
             return merge(connection, whole, origin)
+
+    # what finishing found
+
+    def finish_of(self, study_id: int, key: str) -> Any:
+        """What `keep_finish` kept of a study under this key; None where there is nothing, or nothing that can be read."""
+        kept = tables.finish
+        with suppress(StoreError), self._read() as connection:
+            if inspect(connection).has_table(kept.name):
+                return connection.scalar(select(kept.c.content).where(kept.c.study == study_id, kept.c.key == key))
+        return None
+
+    def keep_finish(self, study_id: int, key: str, content: bytes) -> None:
+        """Keep what finishing found, in place of what was kept of this study; nothing where this database cannot be written."""
+        kept = tables.finish
+        with suppress(StoreError), self._write() as connection:
+            kept.create(connection, checkfirst=True)
+            connection.execute(delete(kept).where(kept.c.study == study_id))
+            connection.execute(insert(kept).values(study=study_id, key=key, content=content))
 
     # tasks, for workers
 

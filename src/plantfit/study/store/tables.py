@@ -3,6 +3,10 @@
     schema_version      one row per migration that was applied
     study      1 --- n  task      chunks of runs, claimed by workers, with a checkpoint while they run
                1 --- n  run       finished runs, written in the transaction that marks their task done
+               1 --- 1  finish    what finishing found for them (trust/finish/stored.py), made when there is something to keep
+
+Table finish is no part of the schema's version: it holds nothing that could not be found anew. So older databases, also those that cannot
+be written, and older plantfits do without it.
 
 Vectors are blobs of little-endian float64 and trees are JSON text, so that every bit comes back; see codec.py.
 """
@@ -88,3 +92,12 @@ run = Table(
     Column("history_cost", LargeBinary, nullable=False),
     Column("extra", Text, nullable=False),  # JSON
 )
+
+finish = Table(
+    "finish",
+    metadata,
+    Column("study", ForeignKey("study.id", ondelete="CASCADE"), primary_key=True),
+    Column("key", Text, nullable=False),  # a digest of all that it depends on
+    Column("content", LargeBinary, nullable=False),
+)
+OF_SCHEMA = (schema_version, study, task, run)
