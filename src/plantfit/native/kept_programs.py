@@ -32,6 +32,7 @@ from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 MOST_FILES = 2000  # of kept programs; beyond it the half that was not used for longest goes
+AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
 _CALLBACK = re.compile(r"@\w*callback")
@@ -83,8 +84,24 @@ def _named(function: Callable, name: str) -> Callable:
     def kept(*args: Any) -> Any:
         return function(*args)
 
-    kept.__name__ = f"kept_{name.replace(' ', '_')}"
+    folder = code_folder("programs")
+    kept.__name__ = f"kept_{name.replace(' ', '_')}{'' if folder is None else _age(folder)}"
     return kept
+
+
+@cache
+def _age(folder: Path) -> str:
+    """Letters that are others once programs of the folder have gone.
+
+    XLA's cache still holds these, and what XLA has read itself it does not write down: under their old names they would never be kept
+    again, and be traced in every process.
+    """
+    file = folder / AGE
+    with suppress(OSError):
+        with suppress(FileExistsError), file.open("xb") as opened:
+            opened.write(os.urandom(4))
+        return f"_{file.read_bytes()[:4].hex()}"
+    return ""
 
 
 @cache
@@ -245,9 +262,10 @@ def _make_room(folder: Path) -> None:
     """Once in a process: the older half goes where there are too many."""
     with _LOCK:
         try:
-            files = sorted((f.stat().st_mtime, f) for f in folder.iterdir())
-            for _, f in files[: len(files) // 2] if len(files) > MOST_FILES else []:
-                f.unlink(missing_ok=True)
+            files = sorted((f.stat().st_mtime, f) for f in folder.iterdir() if f.name != AGE)
+            if len(files) > MOST_FILES:
+                for f in (*(f for _, f in files[: len(files) // 2]), folder / AGE):
+                    f.unlink(missing_ok=True)
         except OSError:
             return
 
