@@ -14,9 +14,12 @@ import pytest
 from plantfit.models import equations
 from plantfit.native import kept_programs
 from plantfit.native.kept_programs import Kept, described
+from plantfit.optimize import minimise
+from plantfit.optimize.loop import generations
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.study.objective import objective_of
 
 import jax
 import jax.numpy as jnp
@@ -205,6 +208,53 @@ print(len(made), np.asarray(p.costs(z[None, :])).tobytes().hex(), len(made))
     (none, bits, traced), (_, again, of_second) = (t.stdout.split() for t in told)
     assert (none, traced, of_second) == ("0", "1", "0")
     assert bits == again
+
+
+def in_a_process_of_its_own(text, cache):
+    """What a script prints, whose `made` names the programs that it compiled and whose cache is this folder."""
+    begin = """
+import sys, numpy as np
+from pathlib import Path
+sys.path.insert(0, str(Path(sys.argv[1])))
+from test_kept_programs import problem
+from plantfit.native import kept_programs
+made, before = [], kept_programs._made
+kept_programs._made = lambda f, k, jitted, a: made.append(jitted.__name__.split("_")[1]) or before(f, k, jitted, a)
+"""
+    environment = {**os.environ, "PLANTFIT_CACHE": str(cache)}
+    command = [sys.executable, "-c", begin + text, str(Path(__file__).parent)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
+    """Generations of a population method (CMA-ES calls LAPACK in them) and the candidates of one that drives itself."""
+    text = """
+from plantfit.optimize import minimise
+from plantfit.study.objective import objective_of
+for method in ("cmaes", "nelder_mead"):
+    found = minimise(objective_of(problem()), method, runs=2, budget=150, seed=3)
+    print(method, *(r.x.tobytes().hex() + r.history_cost.tobytes().hex() for r in found))
+print("made", *sorted(set(made)))
+"""
+    first, second = (in_a_process_of_its_own(text, tmp_path / "cache") for _ in range(2))
+    at = first.index("made")
+    assert first[at:] == ["made", "candidates", "generations"]
+    assert second == [*first[:at], "made"]
+
+
+def test_other_settings_of_a_search_are_another_program(folder):
+    def searched(**settings):
+        found = minimise(objective_of(problem()), "pso", runs=2, budget=200, seed=1, settings=settings)
+        return b"".join(r.history_cost.tobytes() for r in found)
+
+    generations._compiled.cache_clear()
+    one, count = searched(population=10), len(programs(folder))
+    generations._compiled.cache_clear()
+    assert searched(population=10) == one
+    assert len(programs(folder)) == count
+    generations._compiled.cache_clear()
+    assert searched(population=10, inertia=0.5) != one
+    assert len(programs(folder)) == count + 2
 
 
 def test_old_programs_make_room(tmp_path, monkeypatch):

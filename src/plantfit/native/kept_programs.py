@@ -19,6 +19,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 import plantfit
 import plantfit.runtime
 from plantfit.folders import code_folder
@@ -36,6 +38,7 @@ AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
 _CALLBACK = re.compile(r"@\w*callback")
+_LAPACK = re.compile(r"@lapack_\w+")
 _NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
 
 
@@ -187,10 +190,11 @@ def _usual() -> bool:
 
 
 class _Kept(NamedTuple):
-    """What is on disk under the key of a function: the key of its executable, its native loops, and the structure of its results."""
+    """What is on disk under the key of a function: what its executable needs to run, and the structure of its results."""
 
-    executable: str
-    natives: tuple[tuple[str, tuple[str, ...]], ...]  # FFI targets, and what they call of the C library
+    executable: str  # its key
+    natives: tuple[tuple[str, tuple[str, ...]], ...]  # native loops as FFI targets, and what they call of the C library
+    lapack: bool
     results: Any
 
 
@@ -210,9 +214,17 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
     # whoever kept it with native loops had asked this jaxlib for its interface (`compile.interface`)
     if executable is None or not all(register_kept(name, libm) for name, libm in kept.natives):
         return None
+    if kept.lapack:
+        _with_lapack()
     program = deserialize_and_load(executable, jax.tree.structure((args, {})), jax.tree.structure(kept.results))
     jax.block_until_ready(program(*args))
     return program
+
+
+@cache
+def _with_lapack() -> None:
+    """jax hands LAPACK to XLA when it lowers a first call of it, which a program that is read does not do."""
+    jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
 def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
@@ -221,7 +233,7 @@ def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callabl
     text = lowered.as_text()
     natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
     results = jax.tree.map(lambda _: 0, lowered.out_info)
-    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, results)
+    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, _LAPACK.search(text) is not None, results)
     program = None
     with suppress(Exception):  # as in `_read`
         program = _loaded(folder, kept, args)
