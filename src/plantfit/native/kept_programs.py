@@ -38,7 +38,7 @@ AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
 _CALLBACK = re.compile(r"@\w*callback")
-_LAPACK = re.compile(r"@lapack_\w+")
+_LAPACK = re.compile(r"@(?:lapack|blas)_\w+")
 _NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
 
 
@@ -223,7 +223,7 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
 
 @cache
 def _with_lapack() -> None:
-    """jax hands LAPACK to XLA when it lowers a first call of it, which a program that is read does not do."""
+    """jax hands all of LAPACK to XLA when it lowers a first call of it. A program that is read lowers nothing, and would call nowhere."""
     jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
