@@ -14,9 +14,12 @@ import pytest
 from plantfit.models import equations
 from plantfit.native import kept_programs
 from plantfit.native.kept_programs import Kept, described
+from plantfit.optimize import minimise
+from plantfit.optimize.loop import generations
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.study.objective import objective_of
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +30,10 @@ def folder(tmp_path, monkeypatch):
     """Where programs are kept during a test."""
     monkeypatch.setattr(kept_programs, "code_folder", lambda kind: tmp_path)
     return tmp_path
+
+
+def programs(folder):
+    return sorted(f for f in folder.iterdir() if f.name != kept_programs.AGE)
 
 
 class Counted:
@@ -100,7 +107,7 @@ def test_functions_that_trace_through_it_and_derive_it_see_the_function_itself(f
 def test_a_broken_file_is_made_anew(folder, broken):
     z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
     made = kept(Counted())(z, numbers)
-    files = sorted(folder.iterdir())
+    files = programs(folder)
     assert len(files) == 2
     for file in files:
         file.write_bytes(file.read_bytes()[:-7] if broken is None else broken)
@@ -114,7 +121,7 @@ def test_a_program_that_calls_back_into_the_process_is_not_kept(folder):
         return jax.pure_callback(lambda v: np.asarray(v) * 2.0, jax.ShapeDtypeStruct(z.shape, z.dtype), z)
 
     assert np.array_equal(kept(function)(np.ones(2), (np.ones(1),)), [2.0, 2.0])
-    assert not list(folder.iterdir())
+    assert not programs(folder)
 
 
 def local(x):
@@ -166,7 +173,7 @@ def test_a_problem_gives_the_same_bits_from_disk(folder):
     equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
     made = problem(equation)
     numbers = [np.asarray(made.costs(z[None, :])), *points.residuals_and_jacobian(made, z), points.residuals_alone(made, z)]
-    assert len(list(folder.iterdir())) == 6
+    assert len(programs(folder)) == 6
     read = problem(equation)
     for name in ("costs", "residuals_and_jacobian", "residuals"):
         # whoever traced would meet this
@@ -203,6 +210,53 @@ print(len(made), np.asarray(p.costs(z[None, :])).tobytes().hex(), len(made))
     assert bits == again
 
 
+def in_a_process_of_its_own(text, cache):
+    """What a script prints, whose `made` names the programs that it compiled and whose cache is this folder."""
+    begin = """
+import sys, numpy as np
+from pathlib import Path
+sys.path.insert(0, str(Path(sys.argv[1])))
+from test_kept_programs import problem
+from plantfit.native import kept_programs
+made, before = [], kept_programs._made
+kept_programs._made = lambda f, k, jitted, a: made.append(jitted.__name__.split("_")[1]) or before(f, k, jitted, a)
+"""
+    environment = {**os.environ, "PLANTFIT_CACHE": str(cache)}
+    command = [sys.executable, "-c", begin + text, str(Path(__file__).parent)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
+    """Generations of a population method (CMA-ES calls LAPACK in them) and the candidates of one that drives itself."""
+    text = """
+from plantfit.optimize import minimise
+from plantfit.study.objective import objective_of
+for method in ("cmaes", "nelder_mead"):
+    found = minimise(objective_of(problem()), method, runs=2, budget=150, seed=3)
+    print(method, *(r.x.tobytes().hex() + r.history_cost.tobytes().hex() for r in found))
+print("made", *sorted(set(made)))
+"""
+    first, second = (in_a_process_of_its_own(text, tmp_path / "cache") for _ in range(2))
+    at = first.index("made")
+    assert first[at:] == ["made", "candidates", "generations"]
+    assert second == [*first[:at], "made"]
+
+
+def test_other_settings_of_a_search_are_another_program(folder):
+    def searched(**settings):
+        found = minimise(objective_of(problem()), "pso", runs=2, budget=200, seed=1, settings=settings)
+        return b"".join(r.history_cost.tobytes() for r in found)
+
+    generations._compiled.cache_clear()
+    one, count = searched(population=10), len(programs(folder))
+    generations._compiled.cache_clear()
+    assert searched(population=10) == one
+    assert len(programs(folder)) == count
+    generations._compiled.cache_clear()
+    assert searched(population=10, inertia=0.5) != one
+    assert len(programs(folder)) == count + 2
+
+
 def test_old_programs_make_room(tmp_path, monkeypatch):
     monkeypatch.setattr(kept_programs, "MOST_FILES", 4)
     for k in range(6):
@@ -210,3 +264,29 @@ def test_old_programs_make_room(tmp_path, monkeypatch):
         os.utime(tmp_path / f"{k}", (k, k))
     kept_programs._make_room(tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == ["3", "4", "5"]
+
+
+def test_programs_that_made_room_are_kept_again_and_not_read_from_xla_s_cache(tmp_path, monkeypatch):
+    """XLA does not write down again what it read, so that they were traced in every process from then on."""
+    folders = iter([tmp_path / "first", tmp_path / "second", tmp_path / "second"])
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    functions = [Counted(), Counted(), Counted()]
+    for function in functions:
+        folder = next(folders)
+        folder.mkdir(exist_ok=True)
+        monkeypatch.setattr(kept_programs, "code_folder", lambda kind, folder=folder: folder)
+        kept(function)(z, numbers)
+    assert [f.traced for f in functions] == [1, 1, 0]
+
+
+def test_names_are_others_when_programs_have_gone(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_programs, "MOST_FILES", 2)
+    age = kept_programs._age.__wrapped__
+    before = age(tmp_path)
+    assert before == age(tmp_path) != ""
+    for k in range(4):
+        (tmp_path / f"{k}").write_bytes(b"x")
+        os.utime(tmp_path / f"{k}", (k, k))
+    kept_programs._make_room.__wrapped__(tmp_path)
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["2", "3"]
+    assert age(tmp_path) not in ("", before)

@@ -94,6 +94,18 @@ def test_screening_is_that_of_salib_run_alone():
     assert found.evaluations == len(points) == 32
 
 
+def test_trajectories_are_chosen_once_for_all_points(monkeypatch):
+    """They do not depend on the point, and choosing takes longer than the costs."""
+    asked, sample = [], salib_sample.sample
+    monkeypatch.setattr(salib_sample, "sample", lambda *given, **named: asked.append(0) or sample(*given, **named))
+    problem = studied(ishigami, 3)
+    around = [morris(problem, at, radius=0.1, trajectories=4, pool=9, seed=11) for at in ([0.2, 0.3, 0.4], [0.7, 0.6, 0.5])]
+    assert len(asked) == 1
+    assert not np.array_equal(around[0].mu_star, around[1].mu_star)
+    morris(problem, [0.2, 0.3, 0.4], radius=0.1, trajectories=4, pool=9, seed=12)
+    assert len(asked) == 2
+
+
 def test_effects_of_a_straight_line():
     """Each elementary effect is slope times width, whatever the trajectory: mu* = |slope|, sigma and interval 0."""
     found = morris(studied(lambda z: 3 * z[0] - 0.5 * z[1] + 2, 3), np.full(3, 0.5), radius=0.1, seed=5)

@@ -44,6 +44,7 @@ class Compilations(logging.Handler):
         if message.startswith("Compiling jit("):
             name = message.removeprefix("Compiling jit(").split(")")[0]
             name = name.removeprefix("kept_").removeprefix("tight_").removesuffix("_of_several")
+            name = "costs" if name == "candidates" else name
             if name in OWN:
                 self.count[name] += 1
 

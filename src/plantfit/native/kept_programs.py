@@ -19,6 +19,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 import plantfit
 import plantfit.runtime
 from plantfit.folders import code_folder
@@ -32,9 +34,11 @@ from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 MOST_FILES = 2000  # of kept programs; beyond it the half that was not used for longest goes
+AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
 _CALLBACK = re.compile(r"@\w*callback")
+_LAPACK = re.compile(r"@(?:lapack|blas)_\w+")
 _NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
 
 
@@ -86,8 +90,24 @@ def _named(function: Callable, name: str) -> Callable:
     def kept(*args: Any) -> Any:
         return function(*args)
 
-    kept.__name__ = f"kept_{name.replace(' ', '_')}"
+    folder = code_folder("programs")
+    kept.__name__ = f"kept_{name.replace(' ', '_')}{'' if folder is None else _age(folder)}"
     return kept
+
+
+@cache
+def _age(folder: Path) -> str:
+    """Letters that are others once programs of the folder have gone.
+
+    XLA's cache still holds these, and what XLA has read itself it does not write down: under their old names they would never be kept
+    again, and be traced in every process.
+    """
+    file = folder / AGE
+    with suppress(OSError):
+        with suppress(FileExistsError), file.open("xb") as opened:
+            opened.write(os.urandom(4))
+        return f"_{file.read_bytes()[:4].hex()}"
+    return ""
 
 
 @cache
@@ -173,10 +193,11 @@ def _usual() -> bool:
 
 
 class _Kept(NamedTuple):
-    """What is on disk under the key of a function: the key of its executable, its native loops, and the structure of its results."""
+    """What is on disk under the key of a function: what its executable needs to run, and the structure of its results."""
 
-    executable: str
-    natives: tuple[tuple[str, tuple[str, ...]], ...]  # FFI targets, and what they call of the C library
+    executable: str  # its key
+    natives: tuple[tuple[str, tuple[str, ...]], ...]  # native loops as FFI targets, and what they call of the C library
+    lapack: bool
     results: Any
 
 
@@ -196,9 +217,17 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
     # whoever kept it with native loops had asked this jaxlib for its interface (`compile.interface`)
     if executable is None or not all(register_kept(name, libm) for name, libm in kept.natives):
         return None
+    if kept.lapack:
+        _with_lapack()
     program = deserialize_and_load(executable, jax.tree.structure((args, {})), jax.tree.structure(kept.results))
     jax.block_until_ready(program(*args))
     return program
+
+
+@cache
+def _with_lapack() -> None:
+    """jax hands all of LAPACK to XLA when it lowers a first call of it. A program that is read lowers nothing, and would call nowhere."""
+    jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
 def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
@@ -207,7 +236,7 @@ def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callabl
     text = lowered.as_text()
     natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
     results = jax.tree.map(lambda _: 0, lowered.out_info)
-    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, results)
+    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, _LAPACK.search(text) is not None, results)
     program = None
     with suppress(Exception):  # as in `_read`
         program = _loaded(folder, kept, args)
@@ -248,9 +277,10 @@ def _make_room(folder: Path) -> None:
     """Once in a process: the older half goes where there are too many."""
     with _LOCK:
         try:
-            files = sorted((f.stat().st_mtime, f) for f in folder.iterdir())
-            for _, f in files[: len(files) // 2] if len(files) > MOST_FILES else []:
-                f.unlink(missing_ok=True)
+            files = sorted((f.stat().st_mtime, f) for f in folder.iterdir() if f.name != AGE)
+            if len(files) > MOST_FILES:
+                for f in (*(f for _, f in files[: len(files) // 2]), folder / AGE):
+                    f.unlink(missing_ok=True)
         except OSError:
             return
 

@@ -175,6 +175,20 @@ class CostOfData:
 
 
 @dataclass(frozen=True)
+class KeptCosts:
+    """Costs as `Objective` takes them, with programs around them that outlive the process.
+
+    `keep(g, name, thing)` compiles a pure function g of arrays that calls `function`, and is described by `thing` apart from that.
+    """
+
+    function: Callable[[Array], Array]
+    keep: Callable[[Callable, str, Any], Callable]
+
+    def __call__(self, x: Array) -> Array:
+        return self.function(x)
+
+
+@dataclass(frozen=True)
 class RunResult:
     """One seeded run: plain values only, so that a store can keep it.
 

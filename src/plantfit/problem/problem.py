@@ -328,6 +328,10 @@ class Problem:
         """A digest of all that is compiled into the functions; None where it cannot be told."""
         return described({k: v for k, v in self.__getstate__().items() if k not in _NOT_COMPILED})
 
+    def kept(self, function: Callable, name: str, thing: Any) -> Kept:
+        """A pure function of arrays that calls `costs`, compiled; found again by the next process where `thing` describes its rest."""
+        return Kept(function, name, None if self._description is None else described((self._description, thing)))
+
     def costs(self, zs: Any) -> jax.Array:
         """Costs (n,) of cube points (n, d); +inf where a candidate cannot be simulated."""
         return self.compiled["costs"](jnp.asarray(zs), self.arguments)

@@ -8,7 +8,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
-from plantfit.optimize.contract import Objective, Projected
+from plantfit.optimize.contract import KeptCosts, Objective, Projected
 from plantfit.optimize.local.damped_steps import Rows
 
 import jax
@@ -32,7 +32,7 @@ def _filled(x: np.ndarray, width: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _compiled(costs: Callable) -> Callable:
-    return jax.jit(costs)
+    return costs.keep(costs.function, "candidates", ()) if isinstance(costs, KeptCosts) else jax.jit(costs)
 
 
 def _pieces(count: int) -> Iterator[tuple[int, int]]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
-from plantfit.optimize.contract import CostOfData, Facts, Objective, Population
+from plantfit.optimize.contract import CostOfData, Facts, KeptCosts, Objective, Population
 
 import jax
 import jax.numpy as jnp
@@ -93,6 +93,10 @@ def _begin(method: Population, facts: Facts) -> Callable:
 
 @lru_cache(maxsize=32)
 def _compiled(generations: "Generations") -> Callable:
+    """The compiled function; of costs that say how, one that the next process finds again."""
+    costs, rest = generations.costs, (generations.method, generations.rows, generations.dimension, generations.period)
+    if isinstance(costs, KeptCosts):
+        return costs.keep(generations.advance, "generations", rest)
     return jax.jit(generations.advance)
 
 

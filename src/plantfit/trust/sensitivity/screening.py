@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,6 @@ def morris(
     """
     need_salib()
     from SALib.analyze import morris as analyze
-    from SALib.sample import morris as sample
 
     whole_number("trajectories", trajectories, 2)
     whole_number("pool", pool, trajectories + 1)
@@ -83,8 +83,8 @@ def morris(
         raise SearchError(f"levels = {levels}; give an even number, such as 4.")
     box = box_around(problem.space, at, radius, groups)
     design = box.design(problem.space.names)
-    draws, resampling = np.random.default_rng(seed).spawn(2)
-    rows = sample.sample(design, pool, num_levels=levels, optimal_trajectories=trajectories, seed=draws)
+    _, resampling = np.random.default_rng(seed).spawn(2)
+    rows = _walks(box.groups, trajectories, pool, levels, seed) * (box.high - box.low) + box.low
     costs = costs_at(problem, box.points(rows), progress, stop)
     walk = len(box.names) + 1
     kept = np.all(np.isfinite(costs.reshape(-1, walk)), axis=1)
@@ -99,3 +99,16 @@ def morris(
     names = tuple(str(n) for n in found["names"])
     dropped = int(trajectories - np.sum(kept))
     return Screening(names, sizes, mu_star, half, mu, sigma, trajectories, dropped, trajectories * walk, radius, confidence)
+
+
+@lru_cache(maxsize=4)
+def _walks(groups: tuple[str, ...], trajectories: int, pool: int, levels: int, seed: int) -> np.ndarray:
+    """Rows of the chosen trajectories in a box from 0 to 1, one coordinate for each of `groups`; they are the same around every point."""
+    from SALib.sample import morris as sample
+
+    count = len(groups)
+    unit = {"num_vars": count, "names": [f"x{i}" for i in range(count)], "groups": list(groups), "bounds": [(0.0, 1.0)] * count}
+    draws, _ = np.random.default_rng(seed).spawn(2)
+    rows = sample.sample(unit, pool, num_levels=levels, optimal_trajectories=trajectories, seed=draws)
+    rows.flags.writeable = False
+    return rows
