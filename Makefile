@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo docs notebooks test test-slow test-versions fuzz release check bench bbob browser postgres clean
+.PHONY: help demo docs notebooks test test-slow test-versions fuzz release check lint types bench bbob browser postgres clean
 
 help:  ## This list
 	@sed -n 's/^\([a-z-]*\):.*## /\1	/p' $(MAKEFILE_LIST) | expand -t 12
@@ -45,11 +45,15 @@ test-versions: $(DEV)  ## The suite on the lowest and the newest versions of all
 release: $(DEV)  ## Build sdist and wheel twice, compare them, install the wheel elsewhere; nothing is uploaded
 	$(BIN)/python tools/release.py
 
-check: $(DEV)  ## Lint, format, types, imports between rooms
+check: lint types  ## Lint, format, types, imports between rooms
+	$(BIN)/python -m pytest tests/test_import_graph.py
+
+lint: $(DEV)
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/ruff format --check src tests benchmarks
+
+types: $(DEV)
 	$(BIN)/pyright
-	$(BIN)/python -m pytest tests/test_import_graph.py
 
 bbob: $(DEV)  ## Hold the optimizers to other implementations on BBOB (hours); QUICK=1 for a look at one of them
 	@$(PIP) --editable '.[rivals]'

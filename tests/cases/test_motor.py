@@ -1,5 +1,6 @@
 """The motor's bench, the coefficients that its speed shows, the paper's two errors, and the figures of the demo."""
 
+import functools
 import json
 from types import SimpleNamespace
 
@@ -20,21 +21,24 @@ from plantfit.recording import to_csv
 from plantfit.recording.record import Recording
 from plantfit.spec import load, parse
 
-MADE = bench(seed=5)
+
+@functools.cache
+def made():
+    return bench(seed=5)
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """The paper's objective on the first 20 s, with the true speed in the surrogate's place."""
     folder = unpack("motor", tmp_path_factory.mktemp("motor"))
-    record = two_errors_record(MADE.recording, MADE.run.exact["w"])
+    record = two_errors_record(made().recording, made().run.exact["w"])
     short = Recording(record.t[:200], {n: type(s)(s.values[:200], s.unit) for n, s in record.signals.items()}, record.name)
     to_csv(short, folder / "two_errors.csv")
     return load(folder / "two_errors.toml")
 
 
 def test_the_bench_records_the_motor_that_it_says():
-    r, exact = MADE.recording, MADE.run.exact
+    r, exact = made().recording, made().run.exact
     assert len(r) == 1500
     np.testing.assert_allclose(np.diff(r.t), PERIOD)
     assert np.max(np.abs(r["V"])) == pytest.approx(11.0, abs=0.5 * rig().volts_per_count)
@@ -103,7 +107,7 @@ def test_candidates_that_overflow_are_counted_and_the_search_goes_on(study):
 
 
 def test_the_record_gives_its_coefficients_within_their_errors():
-    found = fitted_laws([MADE.recording])
+    found = fitted_laws([made().recording])
     errors = np.sqrt(np.diag(found.covariance[0]))
     true = np.array(coefficients(TRUTH))
     assert np.all(np.abs(found.values[0] - true) < 3 * errors)
@@ -113,10 +117,10 @@ def test_the_record_gives_its_coefficients_within_their_errors():
 
 
 def test_the_surrogate_is_nearer_to_the_true_speed_than_the_record():
-    [speed] = surrogate_speeds([MADE.recording], 2)
-    exact = MADE.run.exact["w"]
-    assert percent(speed, MADE.recording["w"]) > 98.0
-    assert percent(speed, exact) > 99.5 > 98.6 > percent(MADE.recording["w"], exact)
+    [speed] = surrogate_speeds([made().recording], 2)
+    exact = made().run.exact["w"]
+    assert percent(speed, made().recording["w"]) > 98.0
+    assert percent(speed, exact) > 99.5 > 98.6 > percent(made().recording["w"], exact)
     assert structure(3).model.parameters[4].name == "a3"
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from plantfit.errors import SearchError, Status
-from plantfit.optimize import Checkpoint, minimise
+from plantfit.optimize import Checkpoint, Facts, make, minimise
 from plantfit.optimize.loop import population_loop as loop
+from plantfit.optimize.loop.generations import program
 from plantfit.testing.objectives import bowl, centre, corner
 
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost")
@@ -81,3 +82,13 @@ def test_stopped_before_the_start_returns_what_there_is():
         results = minimise(bowl(3), method, runs=3, budget=300, stop=lambda: True)
         assert {r.status for r in results} == {Status.interrupted}
         assert all(r.evaluations == 0 and r.cost == np.inf for r in results)
+
+
+def test_the_beginning_of_runs_is_traced_once_for_the_same_numbers_and_anew_for_others():
+    method, cost, box = make("pso"), bowl(3), np.ones(3)
+    facts = Facts(3, 300, -box, box, np.full((1, 3), 0.25))
+    begin = program(cost, method, facts).begin
+    assert program(cost, method, Facts(3, 300, -box, box.copy(), np.full((1, 3), 0.25))).begin is begin
+    others = (Facts(3, 301, -box, box, facts.start), facts._replace(upper=2 * box), facts._replace(start=None),
+              facts._replace(start=np.full((1, 3), 0.5)), facts._replace(start=np.full((3, 1), 0.25)))  # fmt: skip
+    assert all(program(cost, method, other).begin is not begin for other in others)

@@ -1,5 +1,6 @@
 """The virtual pendubot: exact to a tight solver, with the sensors' faults it promises."""
 
+import functools
 import json
 
 import numpy as np
@@ -12,8 +13,12 @@ from plantfit.recording import read_csv
 from plantfit.rig import MEASURED, Move, PendubotRig
 
 RIG = PendubotRig()
-RUN = RIG.record(seed=3)
 STEP = 2 * np.pi / 10_000
+
+
+@functools.cache
+def recorded():
+    return RIG.record(seed=3)
 
 
 def printed_rate(x, V, p=MEASURED, l1=0.15, g=9.81, kt=0.0724, ke=0.0724, Ra=2.983):
@@ -29,7 +34,7 @@ def printed_rate(x, V, p=MEASURED, l1=0.15, g=9.81, kt=0.0724, ke=0.0724, Ra=2.9
 
 
 def test_every_sample_follows_from_the_one_before_by_a_tight_solver():
-    exact = RUN.exact
+    exact = recorded().exact
     x = np.stack([exact[n] for n in ("theta1", "theta2", "omega1", "omega2")], axis=1)
     for k in [*range(0, 24_900, 500), *range(5500, 5510)]:
         # ten samples on: the solver starts anew where the voltage jumps
@@ -40,19 +45,19 @@ def test_every_sample_follows_from_the_one_before_by_a_tight_solver():
 
 
 def test_encoders_are_rounded_each_with_a_phase_of_its_own():
-    phase = RUN.truth["encoder_phase_counts"]
+    phase = recorded().truth["encoder_phase_counts"]
     for name, shift in zip(("theta1", "theta2"), phase, strict=True):
-        counts = RUN.recording[name] / STEP - shift
+        counts = recorded().recording[name] / STEP - shift
         np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
-        error = (RUN.recording[name] - RUN.exact[name]) / STEP
+        error = (recorded().recording[name] - recorded().exact[name]) / STEP
         assert np.max(np.abs(error)) <= 0.5 + 1e-9
-        moving = np.abs(RUN.exact["omega1"]) > 0.1  # at rest the loop plays about the edge of a count
+        moving = np.abs(recorded().exact["omega1"]) > 0.1  # at rest the loop plays about the edge of a count
         assert np.std(error[moving]) == pytest.approx(1 / np.sqrt(12), rel=0.03)
     assert phase != RIG.record(seed=4).truth["encoder_phase_counts"]
 
 
 def test_the_voltage_is_read_with_noise_and_keeps_to_the_limit():
-    noise = RUN.recording["V"] - RUN.exact["V"]
+    noise = recorded().recording["V"] - recorded().exact["V"]
     assert np.std(noise) == pytest.approx(5e-3, rel=0.03)
     assert abs(np.mean(noise)) < 2e-4
     tight = PendubotRig(limit=8.9).record(seed=3, offset=(0.01, 0.0)).exact["V"]
@@ -62,7 +67,7 @@ def test_the_voltage_is_read_with_noise_and_keeps_to_the_limit():
 def test_the_poses_are_reached_and_held_by_the_torque_of_gravity():
     for t, theta1 in ((4.4, np.pi / 2), (9.4, 2 * np.pi / 3), (17.4, np.pi / 3), (24.9, np.pi / 2)):
         rest = np.abs(RIG.t - (t - 0.5)) < 0.5
-        mean = {n: float(np.mean(RUN.exact[n][rest])) for n in ("theta1", "theta2", "tau1")}
+        mean = {n: float(np.mean(recorded().exact[n][rest])) for n in ("theta1", "theta2", "tau1")}
         assert mean["theta1"] == pytest.approx(theta1, abs=5e-3)
         assert mean["theta1"] + mean["theta2"] == pytest.approx(np.pi / 2, abs=1e-3)
         assert mean["tau1"] == pytest.approx(RIG.base["b4"] * 9.81 * np.cos(mean["theta1"]), abs=1e-3)
@@ -70,9 +75,9 @@ def test_the_poses_are_reached_and_held_by_the_torque_of_gravity():
 
 def test_a_seed_gives_the_same_run_and_another_seed_another():
     again, other = RIG.record(seed=3), RIG.record(seed=4)
-    for name in RUN.recording.signals:
-        assert np.array_equal(again.recording[name], RUN.recording[name])
-    assert not np.array_equal(other.exact["theta1"], RUN.exact["theta1"])  # the controller hears the encoders
+    for name in recorded().recording.signals:
+        assert np.array_equal(again.recording[name], recorded().recording[name])
+    assert not np.array_equal(other.exact["theta1"], recorded().exact["theta1"])  # the controller hears the encoders
 
 
 def test_base_parameters_move_as_the_physical_ones_do():
@@ -97,15 +102,15 @@ def test_friction_needs_its_values_and_takes_its_energy():
 
 
 def test_a_saved_run_is_read_back_with_its_truth(tmp_path):
-    path = RUN.save(tmp_path / "runs")
+    path = recorded().save(tmp_path / "runs")
     back = read_csv(path)
-    for name, signal in RUN.recording.signals.items():
+    for name, signal in recorded().recording.signals.items():
         assert np.array_equal(back[name], signal.values)
         assert back.signals[name].unit == signal.unit
     assert json.loads((path.parent / "pendubot_truth.json").read_text("utf-8"))["base"] == RIG.base
     (tmp_path / "taken").write_text("")
     with pytest.raises(RecordingError, match="choose another place"):
-        RUN.save(tmp_path / "taken")
+        recorded().save(tmp_path / "taken")
 
 
 def test_a_fall_and_impossible_settings_are_told_in_a_sentence():

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.optimize.contract import CostOfData, Facts, KeptCosts, Objective, Population
@@ -84,11 +86,37 @@ def program(objective: Objective, method: Population, facts: Facts) -> Program:
     costs, of_data = objective.costs, isinstance(objective.costs, CostOfData)
     function = costs.function if isinstance(costs, CostOfData) else costs
     made = Generations(function, of_data, method, rows, facts.dimension, None if period is None else period(facts))
-    return Program(_begin(method, facts), _compiled(made))
+    return Program(_begin(method, _Known(facts)), _compiled(made))
 
 
-def _begin(method: Population, facts: Facts) -> Callable:
-    return jax.jit(lambda keys: lax.map(partial(first_carry, method, facts), keys))
+class _Known:
+    """Facts that are equal where their numbers are, so that what is traced from them is found again."""
+
+    def __init__(self, facts: Facts):
+        self.facts = Facts(facts.dimension, facts.budget, *(None if a is None else np.array(a) for a in facts[2:]))
+        self._key = facts.dimension, facts.budget, *(None if a is None else (a.shape, a.dtype, a.tobytes()) for a in self.facts[2:])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+def state_bytes(method: Population, facts: Facts) -> int:
+    """Bytes of all that one run carries from generation to generation."""
+    return _state_bytes(method, _Known(facts))
+
+
+@lru_cache(maxsize=32)
+def _state_bytes(method: Population, known: _Known) -> int:
+    carry = jax.eval_shape(partial(first_carry, method, known.facts), jax.random.key(0))
+    return sum(a.size * a.dtype.itemsize for a in jax.tree.leaves(carry))
+
+
+@lru_cache(maxsize=32)
+def _begin(method: Population, known: _Known) -> Callable:
+    return jax.jit(lambda keys: lax.map(partial(first_carry, method, known.facts), keys))
 
 
 @lru_cache(maxsize=32)

@@ -6,7 +6,6 @@ The key of run r is fold_in(key(seed), r); `generations.py` has what follows fro
 import dataclasses
 import json
 import time
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import CostOfData, Facts, Population, RunResult
 from plantfit.optimize.loop.checkpoint import NO_HISTORY, Checkpoint
-from plantfit.optimize.loop.generations import BLOCK, PADDING, RUNNING, Carry, Program, first_carry, program
+from plantfit.optimize.loop.generations import BLOCK, PADDING, RUNNING, Carry, Program, program, state_bytes
 from plantfit.optimize.loop.progress import estimate
 from plantfit.optimize.loop.request import Plan
 
@@ -42,7 +41,7 @@ def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> lis
             f"give at least {rows} evaluations or a smaller population."
         )
     compiled = program(objective, method, facts)
-    most = max(1, min(SIDE_BY_SIDE // rows, STATES // _state_bytes(method, facts)))
+    most = max(1, min(SIDE_BY_SIDE // rows, STATES // state_bytes(method, facts)))
     groups = -(-plan.runs // most)
     width = max(2, -(-plan.runs // groups))  # of one, XLA makes another program with other last bits
     saved = plan.resume or Checkpoint(plan.identity)
@@ -53,11 +52,6 @@ def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> lis
         finished += group.run(arrays, history)
         arrays, history = (), NO_HISTORY
     return finished
-
-
-def _state_bytes(method: Population, facts: Facts) -> int:
-    carry = jax.eval_shape(partial(first_carry, method, facts), jax.random.key(0))
-    return sum(a.size * a.dtype.itemsize for a in jax.tree.leaves(carry))
 
 
 @dataclasses.dataclass
