@@ -6,15 +6,35 @@ from plantfit.recording.record import Recording, Signal
 
 WIDTHS = (9, 17, 33, 65, 129, 257, 513)  # samples of the windows over which a polynomial is tried
 ORDER = 3
+REST = 3  # times as long as the readings beside it
+LONGER = 16.0  # steps by which a motion that is read anew may be longer
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples lie evenly beside any even division (Weyl)
 MOST = 0.5  # steps rms that the readings may lie off it; rounding alone gives 0.29
 
 
 def unrounded(y: np.ndarray) -> np.ndarray:
     """A smooth curve (n,) beside readings y (n,) in steps of 1.
 
-    At each sample a cubic over the longest window, of up to 513 samples, beside which no window reads more than half a step rms off, nor
-    any shorter one. A signal that jumps by several steps from sample to sample stays as it is there.
+    Where readings move, a cubic at each sample over the longest window, of up to 513 samples, beside which no window reads more than half
+    a step rms off, nor any shorter one. A signal that jumps by several steps from sample to sample stays as it is there, and so does one
+    that rests.
     """
+    curve = np.array(y, dtype=float)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~_rests(curve), [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        curve[start:stop] = _smooth(curve[start:stop])
+    return curve
+
+
+def _rests(y: np.ndarray) -> np.ndarray:
+    """Samples (n,) of readings that stay the same for long, and much longer than before and after: not of a slow motion."""
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1])
+    lengths = np.diff(np.append(begins, len(y)))
+    beside = np.maximum(np.append(lengths[1:], 0), np.append(0, lengths[:-1]))
+    return np.repeat((lengths >= WIDTHS[0]) & (lengths >= REST * beside), lengths)
+
+
+def _smooth(y: np.ndarray) -> np.ndarray:
     n = len(y)
     x = np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(n)
     trend = np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, y, min(1, n - 1)))
@@ -43,12 +63,15 @@ def misread(curve: np.ndarray, phase: float) -> np.ndarray:
     return np.floor(place) - place + 0.5
 
 
-def reread(recording: Recording, name: str, step: float, phases: np.ndarray, counted: bool) -> list[Recording]:
-    """The recording with an input as steps at other places might have read it, one for each of the phases (k,), 0 to 1.
+def reread(recording: Recording, name: str, step: float, places: int, counted: bool) -> list[Recording]:
+    """The recording with an input as steps at so many other places might have read it.
 
     The signal has the error of such steps more than as it was read. Not `counted`, its readings are rounded to multiples of `step`.
     `counted`, its integral is: the signal is a speed made of counts, held from sample to sample, and `step` (in its unit times seconds) is
     one count. Missing samples stay missing.
+
+    The steps lie evenly over one step in turn. Where a signal rests its curve lies on a step, and two rests would be read wrong by the
+    same; so each reading is also of a motion that is longer by up to `LONGER` steps, spread over the way that it goes.
     """
     values, t = recording[name], recording.t
     there = np.isfinite(values)
@@ -56,9 +79,11 @@ def reread(recording: Recording, name: str, step: float, phases: np.ndarray, cou
     read = np.where(there, values, 0.0)
     path = np.concatenate([[0.0], np.cumsum(read * held)[:-1]]) if counted else read
     curve = unrounded(path / step)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(curve)))])
+    longer = min(LONGER, float(way[-1])) * way / max(float(way[-1]), 1e-300)
     found = []
-    for phase in phases:
-        error = step * misread(curve, float(phase))
+    for k in range(places):
+        error = step * misread(curve + longer * np.mod(k * GOLDEN, 1.0), (k + 0.5) / places)
         if counted:
             error = np.diff(error, append=error[-1]) / np.where(held > 0, held, 1.0)
         signals = {**recording.signals, name: Signal(np.where(there, values + error, values), recording.signals[name].unit)}

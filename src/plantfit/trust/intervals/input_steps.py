@@ -25,7 +25,8 @@ from plantfit.trust.intervals.ranges import Range
 
 NORMAL = 1.959963984540054
 PLACES = 16  # of the steps, at which readings are made
-NOTICED = 1.1  # times a standard error from which on steps are allowed for
+NOTICED = 1.05  # times a standard error from which on steps are allowed for
+TOLD = 1.25  # times it from which on they are spoken of
 RCOND = 1e-12  # of the largest singular value: directions below are open
 
 Row = dict[str, Any]
@@ -61,8 +62,8 @@ def input_steps(problem: Problem) -> list[InputSteps]:
 def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequence[Row]) -> tuple[list[Row], list[Look]]:
     """The rows of the parameters at the answer z (d,), wider where steps of inputs move them, and a look at every such input.
 
-    "by_steps" of a row is the standard uncertainty by the steps alone. Where they widen no interval by a tenth, nothing changes: no row has
-    one then, and there are no looks.
+    "by_steps" of a row is the standard uncertainty by the steps alone. Where they widen no interval by a twentieth, nothing changes and no
+    row has one; where none by a quarter, there are no looks.
     """
     plain = [{**row, "by_steps": None} for row in rows]
     steps = input_steps(problem)
@@ -71,9 +72,8 @@ def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequ
         return plain, []
     moved = moves(problem, z, local, steps)
     wider = [_wider(row, problem, local, places[row["name"]], moved) if row["name"] in places else row for row in plain]
-    if not any(w["standard_error"] > NOTICED * row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row)):
-        return plain, []
-    return wider, step_looks(problem, steps)
+    times = max(w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row))
+    return wider if times > NOTICED else plain, step_looks(problem, steps) if times > TOLD else []
 
 
 def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | None:
@@ -95,10 +95,9 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     smoothing = 0.0 if problem.smoothing is None else problem.smoothing.matrix / norms[:, None] / norms[None, :]
     solve = -np.linalg.pinv(j.T @ j + smoothing, rcond=RCOND, hermitian=True) @ j.T / norms[:, None]
     recordings = {n: e.recording for n, e in problem.experiments.items()}
-    phases = (np.arange(PLACES) + 0.5) / PLACES
     squares = np.zeros(len(z))
     for s in steps:  # recordings and inputs err each by itself
-        for other in reread(recordings[s.recording], s.signal, s.size, phases, s.kind == "counted"):
+        for other in reread(recordings[s.recording], s.signal, s.size, PLACES, s.kind == "counted"):
             there = np.asarray(problem.with_recordings({**recordings, s.recording: other}).unsmoothed.residuals(z))
             squares += (solve @ (there - residuals)) ** 2 / PLACES
     return np.sqrt(squares) * problem.space.slopes(z)
@@ -134,7 +133,7 @@ def _look(problem: Problem, s: InputSteps) -> Look:
 
 
 def _bounded(row: Row) -> bool:
-    return row["standard_error"] is not None and row["status"] in ("determined", "weak") and not row.get("open")
+    return bool(row["standard_error"]) and row["status"] in ("determined", "weak") and not row.get("open")
 
 
 def _wider(row: Row, problem: Problem, local: Local, at: int, moved: np.ndarray) -> Row:
