@@ -8,19 +8,20 @@ WIDTHS = (9, 17, 33, 65, 129, 257, 513)  # samples of the windows over which a p
 ORDER = 3
 REST = 3  # times as long as the readings beside it
 LONGER = 16.0  # steps by which a motion that is read anew may be longer
+ABOUT = 1.0  # the same of one that goes back and forth over few steps, which more would change
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples lie evenly beside any even division (Weyl)
 MOST = 0.5  # steps rms that the readings may lie off it; rounding alone gives 0.29
 
 
-def unrounded(y: np.ndarray) -> np.ndarray:
+def unrounded(y: np.ndarray, rests: bool = True) -> np.ndarray:
     """A smooth curve (n,) beside readings y (n,) in steps of 1.
 
     Where readings move, a cubic at each sample over the longest window, of up to 513 samples, beside which no window reads more than half
     a step rms off, nor any shorter one. A signal that jumps by several steps from sample to sample stays as it is there, and so does one
-    that rests.
+    that `rests`: a motor that stands still does so anywhere within a step, while a signal that turns back only looks as if it rested.
     """
     curve = np.array(y, dtype=float)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~_rests(curve), [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~(_rests(curve) & rests), [False]]).astype(int)))
     for start, stop in edges.reshape(-1, 2):
         curve[start:stop] = _smooth(curve[start:stop])
     return curve
@@ -71,16 +72,17 @@ def reread(recording: Recording, name: str, step: float, places: int, counted: b
     one count. Missing samples stay missing.
 
     The steps lie evenly over one step in turn. Where a signal rests its curve lies on a step, and two rests would be read wrong by the
-    same; so each reading is also of a motion that is longer by up to `LONGER` steps, spread over the way that it goes.
+    same; so each reading is also of a motion that is longer by up to `LONGER` steps (`ABOUT` if not counted), spread over the way that it
+    goes.
     """
     values, t = recording[name], recording.t
     there = np.isfinite(values)
     held = np.diff(t, append=2.0 * t[-1] - t[-2] if len(t) > 1 else t[-1])
     read = np.where(there, values, 0.0)
     path = np.concatenate([[0.0], np.cumsum(read * held)[:-1]]) if counted else read
-    curve = unrounded(path / step)
+    curve = unrounded(path / step, rests=counted)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(curve)))])
-    longer = min(LONGER, float(way[-1])) * way / max(float(way[-1]), 1e-300)
+    longer = min(LONGER if counted else ABOUT, float(way[-1])) * way / max(float(way[-1]), 1e-300)
     found = []
     for k in range(places):
         error = step * misread(curve + longer * np.mod(k * GOLDEN, 1.0), (k + 0.5) / places)

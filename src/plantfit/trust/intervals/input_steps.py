@@ -121,7 +121,7 @@ def _look(problem: Problem, s: InputSteps) -> Look:
     figures: dict[str, int | float | None] = {"step": s.size, "steps": whole, "steps_a_sample": usual}
     if s.kind == "counted":
         text = (
-            f"{s.signal} is made of counts: {whole:.4g} of them in {s.recording}, {usual:.3g} a sample while it moves. Where they lie "
+            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves. Where they lie "
             f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %, and residuals do not show it."
         )
         return Look("counted", "info", s.recording, s.signal, text, *ends, "", figures)

@@ -43,7 +43,7 @@ def _told(looks: list[Mapping[str, Any]]) -> str:
         figures = min(own, key=lambda look: look["figures"]["steps"])["figures"]
         if kind == "counted":
             parts.append(
-                f"The model is driven by counts ({names}), {figures['steps']:.4g} in all and {figures['steps_a_sample']:.3g} a sample."
+                f"The model is driven by counts ({names}), {figures['steps']:.0f} in all and {figures['steps_a_sample']:.3g} a sample."
             )
         else:
             parts.append(f"The model is driven by readings in steps ({names}), {figures['steps']:.3g} of them over the range.")
