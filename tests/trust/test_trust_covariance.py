@@ -185,3 +185,32 @@ def test_where_samples_are_worth_too_little_intervals_are_not_sound():
     block = [Block(slice(0, n), np.arange(n))]
     assert effective_samples(e - e.mean(), block, 2)[0] < 10
     assert effective_samples(np.random.default_rng(5).normal(size=n), block, 2)[0] > 250
+
+
+def uneven(seed, n=600):
+    """Jacobian (n, 2) and white noise that is a tenth as large in the half of the samples that alone tell the second value."""
+    rng = np.random.default_rng(seed)
+    quiet = np.arange(n) % 2 == 0
+    matrix = np.c_[np.where(quiet, 0.0, 1.0), np.where(quiet, 1.0, 0.0)] * rng.normal(size=(n, 2))
+    return matrix, rng.normal(size=n) * np.where(quiet, 0.1, 1.0)
+
+
+def test_samples_with_less_noise_make_intervals_that_are_not_too_wide():
+    held, ratio = np.zeros(2), []
+    for seed in range(300):
+        matrix, e = uneven(seed)
+        estimate, cov = fit(20.0 * matrix, e)
+        held += np.abs(estimate) <= 1.96 * np.sqrt(np.diag(cov))
+        ratio.append(np.sqrt(np.diag(cov)) / (np.array([1.0, 0.1]) / 20.0 / np.linalg.norm(matrix, axis=0)))
+    assert np.all(np.mean(ratio, axis=0) < 1.15), np.mean(ratio, axis=0)  # that of residuals of one size is 7 times as wide
+    assert np.all(held / 300 > 0.92), held / 300
+
+
+def test_few_samples_that_follow_the_noise_do_not_make_intervals_narrow():
+    held, of = 0, 400
+    for seed in range(of):
+        rng = np.random.default_rng(seed)
+        matrix = 20.0 * np.c_[np.ones(300), np.r_[np.ones(4), np.zeros(296)]]
+        estimate, cov = fit(matrix, rng.normal(size=300))
+        held += abs(estimate[1]) <= 1.96 * np.sqrt(cov[1, 1])
+    assert held / of > 0.92, held / of

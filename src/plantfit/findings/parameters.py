@@ -62,6 +62,9 @@ class Parameter(Record):
     """How well the data fix the value: by its interval against its size, not against the bounds."""
     equal_answers: list[Number] | None = None
     """From, to: over runs of the same cost, where these leave the interval."""
+    by_steps: Number = None
+    """Standard uncertainty by the steps in which inputs were read, which `standard_error`, `low` and `high` allow for; None where they
+    matter little."""
     uncertainty: StatedUncertainty | None = None
     by_noise: ByNoise | None = None
     """None where the interval is that by the noise alone: one recording, or enough that agree."""

@@ -3,8 +3,9 @@
 import difflib
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +67,20 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         return unmeasured(record, r.unmeasured) if r.unmeasured else record
 
 
+def counted_signals(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Speeds that cleaning steps make of counts, and the size of a count in them (rad): differenced ones, and derivatives of an angle."""
+    angles: dict[str, float] = {}
+    found: dict[str, float] = {}
+    for step in clean:
+        kind, source, name = step.get("step"), step.get("signal"), str(step.get("name"))
+        if kind in ("counts_to_angle", "counts_to_speed"):
+            of = angles if kind == "counts_to_angle" else found
+            of[name] = 2 * np.pi * float(step.get("ratio", 1.0)) / float(step["counts"])
+        elif kind == "differentiate" and source in angles and step.get("derivative", 1) == 1:
+            found[name if "name" in step else f"{source}d"] = angles[source]
+    return found
+
+
 def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) -> None:
     """TypeError in the words of a study file where a step gets too many or too few of its arguments."""
     known = list(signature.parameters)[1:]  # the first is the recording
@@ -87,12 +102,14 @@ def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
     record = read_recording(name, r, path, files)
+    steps = {"counted": {**counted_signals(r.clean), **r.counted}, "rounded": r.rounded}
+    steps["counted"] = {n: s for n, s in steps["counted"].items() if n in record.signals or n in r.counted}
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and validate.")
         with errors_at(path.name):
             cut = split(record, r.split, r.skip)
-            return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
+            return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time, **steps)
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
@@ -112,4 +129,4 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
             "fitted, so choose intervals that do not overlap."
         )
     with errors_at(path.name):
-        return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time)
+        return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time, **steps)

@@ -69,6 +69,8 @@ class RecordingTable(_Table):
     initial_time: float | None = None
     steady: bool = False
     shared_errors: dict[str, str] = {}
+    counted: dict[str, Annotated[float, Field(ge=0)]] = {}
+    rounded: dict[str, Annotated[float, Field(ge=0)]] = {}
     unmeasured: list[str] = []
     clean: list[dict[str, Any]] = []
     sort: bool = False

@@ -28,6 +28,7 @@ from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdr
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.identify.table_visits import agreeing, table_visits
 from plantfit.trust.intervals.follow.following import followed_ranges
+from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
@@ -66,7 +67,8 @@ def assess(
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
-    determined = determined_findings(problem, local.linear, rows, ranges or {})
+    rows, stepped = allowing_for_steps(problem, best.x, local, rows)
+    determined = claimed(determined_findings(problem, local.linear, rows, ranges or {}), rows)
     rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
@@ -78,7 +80,7 @@ def assess(
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
         scores=with_foretold(problem, local, list(_scores(problem, predictions)), tests),
         residual_tests=tests,
-        data=problem_looks(problem),
+        data=[*problem_looks(problem), *stepped],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,

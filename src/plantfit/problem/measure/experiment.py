@@ -26,6 +26,9 @@ class Experiment:
     `shared_errors` names for an output a signal of whole numbers that tells which error of its sensor a sample has: samples of equal
     number have the same, and those of neighbouring numbers may be correlated. A place on an encoder's disc that comes back with
     every turn; without it errors belong to times. Standard errors allow for it.
+    `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds), `rounded` inputs
+    that were read in steps of such a size; 0 says that there are none, as of a command. Standard errors allow for both
+    (`trust/intervals/input_steps.py`).
     """
 
     recording: Recording
@@ -36,8 +39,21 @@ class Experiment:
     steady: bool = False
     shared_errors: Mapping[str, str] = field(default_factory=dict)
     initial_time: float | None = None
+    counted: Mapping[str, float] = field(default_factory=dict)
+    rounded: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for key, given in (("counted", self.counted), ("rounded", self.rounded)):
+            for name, step in given.items():
+                if name not in self.recording.signals:
+                    raise RecordingError(
+                        f"Recording {self.recording.name!r}: {key} names {name!r}, but the signals are {list(self.recording.signals)}; "
+                        "name one of them."
+                    )
+                if not (np.isfinite(step) and step >= 0):
+                    raise RecordingError(
+                        f"Recording {self.recording.name!r}: {key} gives {name!r} steps of {step:g}; give their size, or 0 for none."
+                    )
         if self.initial_time is None:
             return
         if self.steady:
@@ -209,5 +225,13 @@ def experiments_of(
             )
         history = before_in_units(given.recording, {**before, **given.before}, needs)
         begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
-        result[name] = dataclasses.replace(given, recording=in_units(given.recording, needs), before=history, initial_time=begin)
+        inner, now = given.recording, in_units(given.recording, needs)
+        steps = {k: {n: s * _scale(inner, now, n) for n, s in getattr(given, k).items()} for k in ("counted", "rounded")}
+        result[name] = dataclasses.replace(given, recording=now, before=history, initial_time=begin, **steps)
     return result
+
+
+def _scale(before: Recording, now: Recording, name: str) -> float:
+    """What a difference of a signal was multiplied by when its unit was converted."""
+    old, new = before.signals[name].unit, now.signals[name].unit
+    return 1.0 if old == new or old is None or new is None or old == units.difference_of(new) else units.factor_offset(old, new)[0]

@@ -1,9 +1,10 @@
 """Long-run covariance: what sums of correlated series spread by."""
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import chdtri, ndtri, stdtrit
 
 LEVEL = 0.95  # of the intervals whose width allows for few degrees of freedom
+ABOVE = 0.1  # chance that a true variance is above the most that its estimate allows
 REGRESSORS = 10  # fitted parameters that bias a correlation, at most: not all of many are slow
 SHORT = 10  # samples below which no correlation is estimated
 
@@ -43,6 +44,12 @@ def degrees_of_freedom(scores: np.ndarray, shares: np.ndarray, index: np.ndarray
 def widening(degrees: np.ndarray) -> np.ndarray:
     """Factors (d,) of standard errors that rest on so many degrees of freedom: 1.96 of the product are the 95 % interval of Student's t."""
     return stdtrit(np.maximum(degrees, 1.0), 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2)
+
+
+def at_most(degrees: np.ndarray) -> np.ndarray:
+    """Factors (d,) of estimated variances with so many degrees of freedom that the true ones exceed in one of ten samples."""
+    degrees = np.maximum(degrees, 1.0)
+    return degrees / chdtri(degrees, 1.0 - ABOVE)
 
 
 def _in_order(scores: np.ndarray, index: np.ndarray) -> np.ndarray:

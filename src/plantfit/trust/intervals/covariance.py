@@ -1,11 +1,12 @@
 """Standard errors at an answer, from the exact Jacobian, sound when residuals are autocorrelated."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from plantfit.problem.measure.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import at_most, degrees_of_freedom, prewhitened_long_run
 
 EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
 ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but for rounding
@@ -93,7 +94,8 @@ def covariance(
 
     The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
     Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
-    too short; no variance is less than residuals of one size and without memory in each block would give. The uniform prior
+    too short; no variance is less than residuals of one size and without memory in each block would give, or, where they are plainly of
+    several sizes, less than their own may be (`not_below`). The uniform prior
     keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
     adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
     section 2).
@@ -164,7 +166,33 @@ def sandwich(
             prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees
         )
         alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
-    # few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White,
-    # J. Econometrics 29 (1985) 305)
-    wider = np.sqrt(np.maximum(1.0, np.diag(alike) / np.maximum(np.diag(spread), 1e-300)))
+    least = not_below(np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance), len(residuals))
+    wider = np.sqrt(np.maximum(1.0, least / np.maximum(np.diag(spread), 1e-300)))
     return spread * np.outer(wider, wider)
+
+
+def not_below(alike: np.ndarray, own: np.ndarray, degrees: Callable[[], np.ndarray], samples: int) -> np.ndarray:
+    """The least variances (d,) to count with, from those of residuals of one size (d,) and those that the residuals themselves give (d,).
+
+    Few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White, J. Econometrics 29 (1985)
+    305): where they give less than residuals of one size would, chance may be why. Many that do so have less noise than the others, as
+    a motor's speed by pulses has where it is slow: then it is the most that their own variance allows with its `degrees` of freedom.
+    """
+    doubted = alike > at_most(np.array([float(samples)]))[0] * own  # at most so many degrees: else it is `alike` anyway
+    return np.where(doubted, np.minimum(alike, at_most(degrees()) * own), alike) if np.any(doubted) else alike
+
+
+def _degrees(j: np.ndarray, residuals: np.ndarray, blocks: list[Block], bread: np.ndarray, variance: float) -> np.ndarray:
+    """Degrees of freedom (d,) of the variances that the residuals give: those of the blocks' sum, by Satterthwaite."""
+    totals, squares = np.zeros(j.shape[1]), np.zeros(j.shape[1])
+    for block in blocks:
+        rows, columns = _nonzero(j[block.rows])
+        touched = np.flatnonzero(np.any(bread[columns] != 0.0, axis=0))
+        if not len(touched):
+            continue
+        by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
+        shares = by_residual**2 * np.mean(own**2)
+        total = np.sum(shares, axis=0)
+        totals[touched] += total
+        squares[touched] += total**2 / degrees_of_freedom(by_residual * own[:, None], shares, block.index)
+    return np.divide(totals**2, squares, out=np.full(len(totals), np.inf), where=squares > 0)

@@ -8,10 +8,10 @@ from scipy.stats import chi2
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
-from plantfit.problem.measure.long_run import prewhitened_long_run
+from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
-from plantfit.trust.intervals.covariance import box_prior, normal_matrix
+from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
 
 STEPS = 12  # points to either side at most
@@ -155,7 +155,7 @@ class _Walk:
 
 
 def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
-    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one, at least 1."""
+    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`)."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
@@ -166,8 +166,12 @@ def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
     bread = np.linalg.inv(curved + box_prior(curved))[own]
     plain = float(bread @ hessian @ bread)
-    robust = 0.0
+    robust, total, square = 0.0, 0.0, 0.0
     for block in blocks:
-        influence = (jacobian[block.rows] @ bread) * residuals[block.rows] / variance
-        robust += float(prewhitened_long_run(influence[:, None], block.index)[0, 0])
-    return variance, max(1.0, robust / max(plain, np.finfo(float).tiny))
+        by_residual, left = jacobian[block.rows] @ bread / variance, residuals[block.rows]
+        influence, shares = (by_residual * left)[:, None], (by_residual**2 * np.mean(left**2))[:, None]
+        robust += float(prewhitened_long_run(influence, block.index)[0, 0])
+        own = float(np.sum(shares))
+        total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
+    least = not_below(np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals))[0]
+    return variance, max(robust, least) / max(plain, np.finfo(float).tiny)

@@ -119,7 +119,7 @@ def linear_problem(
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or (memory <= SLOW and samples - len(at) >= FEW))
     quantile = float(stdtrit(max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
-    inflation = np.maximum(1.0, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
+    inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
     least, most = np.minimum(least, 0.0), np.maximum(most, 0.0)

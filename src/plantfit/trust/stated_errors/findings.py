@@ -14,6 +14,7 @@ from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY
 
 Row = Mapping[str, Any]
+NORMAL = 1.959963984540054
 
 
 def uncertainty_findings(
@@ -44,13 +45,15 @@ def _of_row(row: Row, found: ParameterUncertainty, at: int | None, errors: Seque
     if row["standard_error"] is None or not found.combined[at] > 0:
         return None
     degrees = float(found.degrees_of_freedom[at])
+    steps, value = row.get("by_steps") or 0.0, float(found.values[at])
+    reach = NORMAL * steps
     return StatedUncertainty(
-        noise=float(found.random[at]),
+        noise=float(np.hypot(found.random[at], steps)),
         shared=float(found.shared[at]),
         sources={n: float(s[at]) for n, s in found.systematic.items()},
-        combined=float(found.combined[at]),
-        low=float(found.low[at]),
-        high=float(found.high[at]),
+        combined=float(np.hypot(found.combined[at], steps)),
+        low=float(value - np.hypot(value - found.low[at], reach)),
+        high=float(value + np.hypot(found.high[at] - value, reach)),
         degrees_of_freedom=None if degrees > MANY else degrees,
     )
 

@@ -8,6 +8,7 @@ from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.input_steps import input_step_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.searches import search_sentences
 from plantfit.trust.verdict.stated_errors import uncertainty_sentences
@@ -27,6 +28,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *_agreement(findings, best),
         *answer_sentences(findings),
         *parameter_sentences(findings),
+        *input_step_sentences(findings),
         *uncertainty_sentences(findings),
         *_combinations(findings),
         *residual_sentences(findings),

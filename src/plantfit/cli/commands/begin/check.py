@@ -25,11 +25,12 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
     problem = steps_for(problem, z)
+    from plantfit.trust.intervals.input_steps import input_steps, step_looks
     from plantfit.trust.looks import problem_looks
 
     record = {
         **_understood(study, problem),
-        "data": [*_of_regression(study), *(look.record for look in problem_looks(problem))],
+        "data": [*_of_regression(study), *(look.record for look in (*problem_looks(problem), *step_looks(problem, input_steps(problem))))],
         **_simulated(problem, z),
     }
     from plantfit.trust.identify.before_fit import before_fit

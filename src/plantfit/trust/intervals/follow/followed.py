@@ -137,7 +137,7 @@ class Followed:
     def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
         """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the answer; both of `room`."""
         block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
-        top = float(np.max(self.linear.threshold)) * self.linear.variance
+        top = max(float(np.max(self.linear.threshold)), self.linear.quantile**2) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
             return None
         self.growths[block.x.tobytes()] = float(block.cost - self.least) / self.linear.variance

@@ -59,9 +59,12 @@ def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
     place = _named_alike(walk, found, place)
     if _near(walk, place):
         return
+    growth, values = walk.growths[place.tobytes()], walk.room.physical(place[None, :])[0]
     for i, own in found.items():
-        if walk.growths[place.tobytes()] <= walk.linear.threshold[i]:
+        # samples with little noise make a range narrow, and say nothing of how much another optimum may cost by chance
+        if growth <= max(walk.linear.threshold[i], walk.linear.quantile**2):
             own.points.append(place)
+            own.low, own.high = min(own.low, float(values[i])), max(own.high, float(values[i]))
     _joined(walk, found)
     for i, own in found.items():  # a value may be the same there, and go elsewhere from there
         walk.go_on(i, own, [place])

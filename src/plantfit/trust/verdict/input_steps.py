@@ -1,0 +1,53 @@
+"""What the verdict says about the steps in which inputs were read: what they do to the intervals."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from plantfit.trust.verdict.words import Sentence, number, say, some, span
+
+
+def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence where steps of inputs widen intervals, with the inputs, their steps, and the parameter that they move most."""
+    rows = [p for p in findings["parameters"] if p.get("by_steps") and p["standard_error"]]
+    looks = [look for look in findings["data"] if look["kind"] in ("counted", "rounded")]
+    if not rows or not looks:
+        return
+    worst = max(rows, key=_times)
+    decided = [p["name"] for p in rows if 2.0 * p["by_steps"] ** 2 > p["standard_error"] ** 2]
+    most = f"; they outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})" if decided and len(rows) > 1 else ""
+    text = (
+        f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as by the noise, "
+        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. Residuals do not show this error; finer steps narrow it."
+    )
+    guessed = [look for look in looks if look["write"]]
+    if guessed:
+        name = guessed[0]["signal"]
+        text += f" If {name} was commanded and not measured, write {guessed[0]['write']} under [recording.{guessed[0]['recording']}]."
+    yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
+
+
+def _times(p: Mapping[str, Any]) -> float:
+    """How many times as wide the interval is as by the noise alone."""
+    rest = max(p["standard_error"] ** 2 - p["by_steps"] ** 2, 1e-12 * p["standard_error"] ** 2)
+    return p["standard_error"] / rest**0.5
+
+
+def _told(looks: list[Mapping[str, Any]]) -> str:
+    """Inputs by how they were read, the coarsest of each kind with its numbers."""
+    parts = []
+    for kind in ("counted", "rounded"):
+        own = [look for look in looks if look["kind"] == kind]
+        if not own:
+            continue
+        names = some(list(dict.fromkeys(look["signal"] for look in own)))
+        figures = min(own, key=lambda look: look["figures"]["steps"])["figures"]
+        if kind == "counted":
+            parts.append(
+                f"The model is driven by counts ({names}), {figures['steps']:.0f} in all and {figures['steps_a_sample']:.3g} a sample."
+            )
+        else:
+            parts.append(f"The model is driven by readings in steps ({names}), {figures['steps']:.3g} of them over the range.")
+    return " ".join(parts)
+
+
+__all__ = ["input_step_sentences"]
