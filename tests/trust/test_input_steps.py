@@ -147,3 +147,16 @@ def test_steps_of_what_is_not_there_are_refused(key, given, asked):
 
     with pytest.raises(RecordingError, match=asked):
         Experiment(drive(1, 40).recording, **{key: given})
+
+
+def test_recordings_err_each_by_itself():
+    one, two = drive(1, 40, noise=0.0), drive(2, 40, noise=0.0)
+    together = Problem(WHEEL, {"one": one, "two": two}, {"r": SPACE["r"], "x0": Parameter((-1.0, 1.0), "m", per_recording=True)})
+    start = together.space.cube(together.space.vector({"r": RADIUS, "x0[one]": 0.0, "x0[two]": 0.0}))
+    both = moves(together, start, linearise(together, start), input_steps(together))[0]
+    alone = [
+        moves(p, z, linearise(p, z), input_steps(p))[0]
+        for p in (Problem(WHEEL, one, SPACE), Problem(WHEEL, two, SPACE))
+        for z in [p.space.cube(p.space.vector({"r": RADIUS, "x0": 0.0}))]
+    ]
+    assert both == pytest.approx(np.hypot(*alone) / 2, rel=0.05)  # the mean of two that are as long

@@ -19,7 +19,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.recording.looks.rounded import rounded_step
 from plantfit.recording.signals.unrounded import reread
-from plantfit.trust.intervals.linearised import Local
+from plantfit.trust.intervals.linearised import Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import Range
 
@@ -95,11 +95,18 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     smoothing = 0.0 if problem.smoothing is None else problem.smoothing.matrix / norms[:, None] / norms[None, :]
     solve = -np.linalg.pinv(j.T @ j + smoothing, rcond=RCOND, hermitian=True) @ j.T / norms[:, None]
     recordings = {n: e.recording for n, e in problem.experiments.items()}
+    rows: dict[str, list[slice]] = {}
+    for name, _, block in named_blocks(problem):
+        rows.setdefault(name, []).append(block.rows)
     squares = np.zeros(len(z))
-    for s in steps:  # recordings and inputs err each by itself
-        for other in reread(recordings[s.recording], s.signal, s.size, PLACES, s.kind == "counted"):
-            there = np.asarray(problem.with_recordings({**recordings, s.recording: other}).unsmoothed.residuals(z))
-            squares += (solve @ (there - residuals)) ** 2 / PLACES
+    for signal in dict.fromkeys(s.signal for s in steps):
+        read = {
+            s.recording: reread(recordings[s.recording], signal, s.size, PLACES, s.kind == "counted") for s in steps if s.signal == signal
+        }
+        for k in range(PLACES):
+            there = np.asarray(problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z))
+            for own in rows.values():  # each recording errs by itself
+                squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / PLACES
     return np.sqrt(squares) * problem.space.slopes(z)
 
 
