@@ -1,6 +1,7 @@
 """`plantfit design`: from a finished study of a heater with known truth to an input that can be recorded, its page, and refusals."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -11,11 +12,21 @@ from plantfit.recording import read_csv
 FEW = ("--budget", "300", "--draws", "2")
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder of the finished study; the first test that asks for `place` fills it."""
+    return tmp_path_factory.mktemp("finished")
+
+
 @pytest.fixture
-def place(tmp_path, monkeypatch, capsys):
-    heater(tmp_path)
+def place(finished, tmp_path, monkeypatch, capsys):
+    """A copy of its own of the finished study."""
+    if not (finished / "heater.toml").exists():
+        heater(finished)
+        monkeypatch.chdir(finished)
+        assert call(capsys, monkeypatch, "run", "heater.toml", "--no-diagnose").code == 0
+    shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    assert call(capsys, monkeypatch, "run", "heater.toml", "--no-diagnose").code == 0
     return tmp_path
 
 

@@ -1,6 +1,8 @@
 """Smoothed tables: the rows against quadratics, the cost against its definition, every form of it against each other, answers
 against linear algebra and a smoothing spline."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.interpolate import make_smoothing_spline
@@ -73,6 +75,7 @@ def test_cost_is_that_of_the_data_and_of_the_bends():
     np.testing.assert_allclose(problem.residuals(z), np.interp(u, NODES, values) - y, atol=1e-12)
 
 
+@cache
 def steam(smooth, names=("k", "A1"), recordings=2, **shared):
     """Short records of a chamber whose tables are its own or shared, over log boxes for A1."""
     records = {}

@@ -1,5 +1,7 @@
 """Answers that are one model, and answers that only look alike."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,9 +15,10 @@ T = np.linspace(0.0, 3.0, 40)
 BOX = (-5.0, 5.0)
 
 
-def problem(text: str, names: str, outputs=("y",), units=None, **bounds) -> Problem:
+@cache
+def problem(text: str, names: str, outputs=("y",), units=(), **bounds) -> Problem:
     """A static model of u = 0 .. 3 with these parameters between -5 and 5, or between `bounds`."""
-    units = units or {}
+    units = dict(units)
     declared = {n: {"bounds": bounds.get(n, BOX), "unit": units.get(n)} for n in names.split()}
     signals = {"u": Signal(T), **{o: Signal(np.cos((k + 1) * T)) for k, o in enumerate(outputs)}}
     return Problem(equations(text, inputs=["u"], outputs=list(outputs), parameters=declared, check=False), Recording(T, signals))
@@ -91,7 +94,7 @@ def test_one_model_written_twice(p, first, second, sentence):
         # the two outputs change places, and they measure different things
         (problem("y = exp(-a*u)\nw = exp(-b*u)", "a b", ("y", "w")), [1, 2], [2, 1]),
         # values alike in other units
-        (problem("y = a*b*u", "a b", units={"a": "V", "b": "ohm"}), [3, 1], [1, 3]),
+        (problem("y = a*b*u", "a b", units=(("a", "V"), ("b", "ohm"))), [3, 1], [1, 3]),
     ],
 )
 def test_answers_that_only_look_alike(p, first, second):

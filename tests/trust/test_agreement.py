@@ -1,5 +1,7 @@
 """Runs are counted after each one's own search came to its end on the final problem."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -19,7 +21,8 @@ TRUTH = {"K": 2.0, "tau": 0.7, "c": 0.3}
 BOUNDS = {"K": (0.1, 10.0), "tau": (0.05, 5.0), "c": (-5.0, 5.0)}
 
 
-def two_outputs(scales=None, noise=(0.05, 0.4), seed=0) -> Problem:
+@cache
+def two_outputs(scales=(), noise=(0.05, 0.4), seed=0) -> Problem:
     """A first-order plant seen twice, once squared and with an offset; noise of different size."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 10.0, 200)
@@ -29,7 +32,7 @@ def two_outputs(scales=None, noise=(0.05, 0.4), seed=0) -> Problem:
     empty = Recording(t, {n: Signal(u) for n in ("u", "y", "w")})
     y = Problem(model, empty, substeps=8).predict(np.array(list(TRUTH.values())))
     noisy = {n: Signal(y[n] + s * rng.normal(size=len(t))) for n, s in zip(("y", "w"), noise, strict=True)}
-    return Problem(model, Recording(t, {"u": Signal(u), **noisy}), scales=scales)
+    return Problem(model, Recording(t, {"u": Signal(u), **noisy}), scales=dict(scales) or None)
 
 
 def run(z, cost, k=0, status=Status.converged, spent=500.0) -> RunResult:
@@ -84,6 +87,7 @@ def test_the_count_is_true_for_runs_that_were_cut_anywhere():
     assert read.agree == findings["agreement"]["agree"]
 
 
+@cache
 def two_wells(noise=0.1) -> Problem:
     """p near -1 follows y best, p near 1 follows w: with the spreads as weights the first is the better one, by likelihood the second."""
     rng = np.random.default_rng(0)
@@ -168,7 +172,7 @@ def test_a_search_that_is_cut_is_not_called_an_optimum(monkeypatch):
     monkeypatch.setattr(finishing, "STEPS", 2)
     monkeypatch.setattr("plantfit.trust.finish.descent.STEPS", 2)
     monkeypatch.setattr("plantfit.trust.finish.descent.POLISH", 0)
-    problem = two_outputs({"y": 0.05, "w": 0.4})
+    problem = two_outputs((("y", 0.05), ("w", 0.4)))
     final, results = finish(problem, runs_at(problem, [[0.9, 0.9, 0.9], [0.1, 0.1, 0.1]], status=Status.budget, spent=1.0))
     findings = Answer(final, results, 0).findings
     assert told(findings, "is not the end of a search")
@@ -182,6 +186,7 @@ def test_a_single_run_that_was_cut_is_said_to_be_cut():
         assert bool(told(found.findings, "The run was cut by its budget")) == cut
 
 
+@cache
 def terms(n: int, seed=0, runs=6, extra="", **more) -> Answer:
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 3.0, 60)
@@ -288,6 +293,6 @@ def test_a_parameter_that_equal_runs_contradict_is_not_determined(seed):
 def test_runs_that_agree_and_exchanged_terms_open_nothing(seed):
     findings = fit(product(known=True, seed=seed), runs=4, seed=seed).findings
     assert [p["status"] for p in findings["parameters"]] == ["determined"] * 3
-    exchanged = terms(2, runs=6).findings
+    exchanged = terms(2).findings
     assert exchanged["agreement"]["symmetries"]
     assert not any(p.get("equal_answers") for p in exchanged["parameters"])

@@ -1,6 +1,7 @@
 """An error on unseen samples that the uncertainty of the parameters foretells is not held against the model; a larger one is."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ BOUNDS = {"k": {"bounds": (-20.0, 20.0)}, "tau": {"bounds": (0.05, 20.0)}, "c": 
 CUBIC, STRAIGHT = "x' = (k*u + c*u*u*u - x)/tau\ny = x", "x' = (k*u - x)/tau\ny = x"
 
 
+@cache
 def problem_of(text):
     names = [n for n in BOUNDS if n != "c" or text == CUBIC]
     model = equations(text, inputs=["u"], states=["x"], outputs=["y"], parameters={n: BOUNDS[n] for n in names})

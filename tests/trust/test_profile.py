@@ -1,5 +1,7 @@
 """Profile intervals against closed forms, against a profile by scipy, and by coverage."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -28,6 +30,7 @@ def line(noise: np.ndarray) -> Problem:
     return Problem(model, Recording(T, {"u": Signal(u, "1"), "y": Signal(1.0 + 2.0 * u + noise, "1")}))
 
 
+@lru_cache(maxsize=4)
 def step(late: float, noise: float, seed: int, low: float = 0.0, high: float = 3.0, n: int = 200) -> Problem:
     """A step through a first order process with dead time, from its closed form."""
     t = T[:n]
