@@ -5,6 +5,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from face_plants import lasting
 
 import plantfit as pf
 from plantfit import stages
-from plantfit.errors import StoreError
+from plantfit.errors import Status, StoreError
 from plantfit.models import Declared, Model, Table
 from plantfit.optimize.contract import RunResult
 from plantfit.problem import Problem
@@ -154,7 +155,7 @@ def test_another_study_file_or_other_data_are_finished_anew(folder, finished, tm
 def test_more_runs_are_finished_anew(folder, finished, tmp_path):
     study, store = pf.load(folder / "growth.toml"), pf.Store.open(tmp_path / "s.db")
     prepared = stages.prepare(study.problem)
-    plan = pf.Plan("growth", "least_squares", 2, 400, 3, chunk=1)
+    plan = pf.Plan("growth", ("least_squares",), 2, 400, 3, chunk=1)
     number = begin(plan, prepared.objective, store, spec_text=study.text, spec_path=str(study.path), coordinates=("r", "k"),
                    to_physical=prepared.to_physical)  # fmt: skip
     runner.resume(store, number, prepared.objective, to_physical=prepared.to_physical, stop=lambda: store.counts(number)[2] > 0)
@@ -227,9 +228,9 @@ def test_strengths_and_who_chose_a_scale_come_back():
     record = pf.from_arrays({"u": u, "y": (np.sin(u), "V"), "z": (0.1 * u, "V")}, period=1.0, name="r")
     problem = Problem(model, record, {"f": Parameter((-2.0, 2.0), "V", smooth="reml")}, scales={"z": 2.0})
     final = problem.with_smoothing({("f", "u"): 1.0 / 3.0}).with_scales({"y": 0.1 + 0.2}, ScaleSource("residuals", 3, False))
-    runs = [RunResult("m", k, 1, np.zeros(4), np.inf, 7.0, 0.1, "budget", np.ones(1), np.ones(1)) for k in range(2)]  # pyright: ignore
-    found = [RunResult("m", k, 1, np.full(4, 0.1 * k), [-0.0, np.nan][k], 7.0, 0.1, "budget", np.ones(1), np.ones(1), 0, {"ended": "cut"})
-            for k in range(2)]  # pyright: ignore # fmt: skip
+    runs = [RunResult("m", k, 1, np.zeros(4), np.inf, 7.0, 0.1, Status.budget, np.ones(1), np.ones(1)) for k in range(2)]
+    costs = (-0.0, np.nan)
+    found = [replace(r, x=np.full(4, 0.1 * r.run), cost=costs[r.run], extra={"ended": "cut"}) for r in runs]
     read = finish_of_bytes(finish_bytes("key", final, found), "key", problem, runs)
     assert read is not None
     again, results = read
