@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from plantfit.errors import SearchError, Status
-from plantfit.optimize import Checkpoint, Facts, make, minimise
+from plantfit.optimize import Checkpoint, Facts, minimise
+from plantfit.optimize.algorithms.random_search import RandomSearch
 from plantfit.optimize.loop import population_loop as loop
 from plantfit.optimize.loop.generations import program
 from plantfit.testing.objectives import bowl, centre, corner
@@ -85,7 +86,7 @@ def test_stopped_before_the_start_returns_what_there_is():
 
 
 def test_the_beginning_of_runs_is_traced_once_for_the_same_numbers_and_anew_for_others():
-    method, cost, box = make("pso"), bowl(3), np.ones(3)
+    method, cost, box = RandomSearch(), bowl(3), np.ones(3)
     facts = Facts(3, 300, -box, box, np.full((1, 3), 0.25))
     begin = program(cost, method, facts).begin
     assert program(cost, method, Facts(3, 300, -box, box.copy(), np.full((1, 3), 0.25))).begin is begin
