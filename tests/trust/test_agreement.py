@@ -21,9 +21,13 @@ TRUTH = {"K": 2.0, "tau": 0.7, "c": 0.3}
 BOUNDS = {"K": (0.1, 10.0), "tau": (0.05, 5.0), "c": (-5.0, 5.0)}
 
 
-@cache
-def two_outputs(scales=(), noise=(0.05, 0.4), seed=0) -> Problem:
+def two_outputs(scales=None, noise=(0.05, 0.4), seed=0) -> Problem:
     """A first-order plant seen twice, once squared and with an offset; noise of different size."""
+    return _two_outputs(tuple(dict(scales or {}).items()), tuple(noise), seed)
+
+
+@cache
+def _two_outputs(scales, noise, seed) -> Problem:
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 10.0, 200)
     u = np.repeat(rng.normal(size=20), 10)
