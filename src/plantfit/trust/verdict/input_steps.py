@@ -14,10 +14,12 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         return
     worst = max(rows, key=_times)
     decided = [p["name"] for p in rows if 2.0 * p["by_steps"] ** 2 > p["standard_error"] ** 2]
-    most = f"; they outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})" if decided and len(rows) > 1 else ""
+    kinds = {look["kind"] for look in looks}
+    what = "counts" if kinds == {"counted"} else "steps"
+    most = f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})" if decided and len(rows) > 1 else ""
     text = (
         f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as by the noise, "
-        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. Residuals do not show this error; finer steps narrow it."
+        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. Residuals do not show this error; only finer {what} narrow it."
     )
     guessed = [look for look in looks if look["write"]]
     if guessed:
