@@ -8,10 +8,11 @@ from plantfit.optimize import minimise
 from plantfit.problem import Experiment
 from plantfit.spec.recordings import counted_signals
 from plantfit.study.objective import objective_of
-from plantfit.trust.intervals.input_steps import allowing_for_steps, input_steps, moves
+from plantfit.trust.intervals.input_steps import allowing_for_steps, moves
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.parameter_rows import parameter_rows
 from plantfit.trust.intervals.ranges import Range
+from plantfit.trust.looks.input_steps import input_steps
 
 RADIUS, PERIOD, N = 0.03, 0.01, 300
 WHEEL = equations(

@@ -71,12 +71,12 @@ class _Digest:
         return size
 
 
-def described(thing: Any, largest: int | None = LARGEST) -> bytes | None:
+def described(thing: Any, *, large: bool = False) -> bytes | None:
     """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none.
 
-    `largest` is how many bytes it may have, None for any number.
+    One of more than `LARGEST` bytes has none either, unless it may be `large`.
     """
-    file = _Digest(largest)
+    file = _Digest(None if large else LARGEST)
     try:
         _Describer(file, protocol=5).dump(thing)
     except Exception:  # whatever a pickle of the user's objects raises: it is compiled anew

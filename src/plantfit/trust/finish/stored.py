@@ -41,7 +41,7 @@ def finish_key(problem: Problem, runs: Sequence[RunResult]) -> str | None:
             None if simulator is None else (simulator.stepper, simulator.substeps, simulator.interpolated),
             None if smoothing is None else (smoothing.strengths, smoothing.asked),
         ),
-        largest=None,
+        large=True,
     )  # fmt: skip
     if about is None:
         return None

@@ -7,21 +7,19 @@ is told by other readings of the same motion: the input as a smooth curve, read 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from plantfit.findings.parameters import Determined
-from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
-from plantfit.recording.looks.rounded import rounded_step
 from plantfit.recording.signals.unrounded import reread
 from plantfit.trust.intervals.linearised import Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import Range
+from plantfit.trust.looks.input_steps import InputSteps, input_steps, step_looks
 
 NORMAL = 1.959963984540054
 PLACES = 16  # of the steps, at which readings are made
@@ -30,33 +28,6 @@ TOLD = 1.25  # times it from which on they are spoken of
 RCOND = 1e-12  # of the largest singular value: directions below are open
 
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class InputSteps:
-    """Steps of an input in one recording. `size` is in the model's unit, times seconds where the input is a speed made of counts."""
-
-    recording: str
-    signal: str
-    kind: Literal["counted", "rounded"]
-    size: float
-    told: bool  # by the study, not seen in the readings
-
-
-def input_steps(problem: Problem) -> list[InputSteps]:
-    """The inputs that were read in steps: those of which the recordings say so, and those that look rounded."""
-    model = problem.model
-    if not isinstance(model, Model) or not problem.in_time:
-        return []
-    found = []
-    for name, e in problem.experiments.items():
-        for u in model.inputs if not e.steady else ():
-            size = e.counted.get(u, e.rounded.get(u))
-            if size is not None:
-                found += [InputSteps(name, u, "counted" if u in e.counted else "rounded", size, True)] if size > 0 else []
-            elif (seen := rounded_step(e.recording[u])) is not None:
-                found.append(InputSteps(name, u, "rounded", seen, False))
-    return found
 
 
 def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequence[Row]) -> tuple[list[Row], list[Look]]:
@@ -110,35 +81,6 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     return np.sqrt(squares) * problem.space.slopes(z)
 
 
-def step_looks(problem: Problem, steps: Sequence[InputSteps]) -> list[Look]:
-    """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample."""
-    return [_look(problem, s) for s in steps]
-
-
-def _look(problem: Problem, s: InputSteps) -> Look:
-    recording = problem.experiments[s.recording].recording
-    values, t = recording[s.signal], recording.t
-    own = recording.signals[s.signal].unit
-    unit = f" {own}" if own not in (None, "", "1") else ""
-    values = values[np.isfinite(values)]
-    each = np.abs(values) * float(np.median(np.diff(t))) / s.size if s.kind == "counted" else np.abs(np.diff(values)) / s.size
-    whole = float(np.sum(each)) if s.kind == "counted" else float(np.ptp(values)) / s.size
-    usual = float(np.median(each[each > 0])) if np.any(each > 0) else 0.0
-    ends = float(t[0]), float(t[-1])
-    figures: dict[str, int | float | None] = {"step": s.size, "steps": whole, "steps_a_sample": usual}
-    if s.kind == "counted":
-        text = (
-            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves. Where they lie "
-            f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %, and residuals do not show it."
-        )
-        return Look("counted", "info", s.recording, s.signal, text, *ends, "", figures)
-    text = (
-        f"{s.signal} was read in steps of {s.size:.4g}{unit}, a share of {1 / max(whole, 1.0):.2g} of its range"
-        f"{'' if s.told else ', or so it looks'}. A plant is driven by what was there, not by what was read."
-    )
-    return Look("rounded", "info", s.recording, s.signal, text, *ends, "" if s.told else f"rounded = {{ {s.signal} = 0 }}", figures)
-
-
 def _bounded(row: Row) -> bool:
     return bool(row["standard_error"]) and row["status"] in ("determined", "weak") and not row.get("open")
 
@@ -160,4 +102,4 @@ def _wider(row: Row, problem: Problem, local: Local, at: int, moved: np.ndarray)
     }  # fmt: skip
 
 
-__all__ = ["InputSteps", "allowing_for_steps", "input_steps", "moves", "step_looks"]
+__all__ = ["allowing_for_steps", "claimed", "moves"]

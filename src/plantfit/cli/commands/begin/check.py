@@ -25,8 +25,8 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
     problem = steps_for(problem, z)
-    from plantfit.trust.intervals.input_steps import input_steps, step_looks
     from plantfit.trust.looks import problem_looks
+    from plantfit.trust.looks.input_steps import input_steps, step_looks
 
     record = {
         **_understood(study, problem),
