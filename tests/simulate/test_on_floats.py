@@ -9,7 +9,7 @@ import pytest
 import plantfit as pf
 from plantfit.models.library.catalogue import make
 from plantfit.models.model import Declared, Model
-from plantfit.simulate.check import modes, tight
+from plantfit.simulate.check import mode_equations, tight
 from plantfit.simulate.check.on_floats import plain_rate
 from plantfit.simulate.steps.vector import vectorise
 
@@ -143,21 +143,15 @@ def test_friction_backlash_and_events_are_followed_to_the_same_end(monkeypatch):
     signals = {"u": pf.Signal(1.5 * np.sin(0.9 * t)), "y": pf.Signal(0.0 * t)}
     problem = pf.Problem(model, pf.Recording(t, signals), {n: pf.Parameter(value=v) for n, v in p.items()})
     [drive] = problem.data["drive"].values()
-    asked = []
-    compiled = modes._Function.__call__
-
-    def called(self, *given):
-        asked.append(self.plain is not None)
-        return compiled(self, *given)
-
-    monkeypatch.setattr(modes._Function, "__call__", called)
-    found = tight.follow(problem.predictor.stepping(), p, drive)
-    assert asked
-    assert all(asked)
-    monkeypatch.setattr(modes, "on_floats", lambda *_: None)
-    modes._equations.cache_clear()
+    made = mode_equations.mode_equations(vectorise(model))
+    assert all(f.plain is not None for f in (made.motion, made.forces, *made.jumps, made.flanks))
+    with monkeypatch.context() as patched:
+        patched.setattr(mode_equations.ModeFunction, "by_jax", lambda *_: pytest.fail("jax was asked"))
+        found = tight.follow(problem.predictor.stepping(), p, drive)
+    monkeypatch.setattr(mode_equations, "on_floats", lambda *_: None)
+    mode_equations.mode_equations.cache_clear()
     known = tight.follow(problem.predictor.stepping(), p, drive)
-    modes._equations.cache_clear()
+    mode_equations.mode_equations.cache_clear()
     assert found.stopped is known.stopped is None
     assert np.any(found.states[3] > 0.5)  # the event came
     np.testing.assert_allclose(found.states, known.states, rtol=1e-8, atol=1e-10)

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
 LEVEL = 0.95  # of the intervals whose width allows for few degrees of freedom
+NORMAL = 1.959963984540054  # standard deviations of a normal variable to either end of such an interval
 ABOVE = 0.1  # chance that a true variance is above the most that its estimate allows
 REGRESSORS = 10  # fitted parameters that bias a correlation, at most: not all of many are slow
 SHORT = 10  # samples below which no correlation is estimated

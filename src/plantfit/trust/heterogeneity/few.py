@@ -10,8 +10,9 @@ Pharmaceutical Sciences, 1990, 509). Its tail is that of Hartung and Knapp's int
 import numpy as np
 from scipy.special import ndtr
 
+from plantfit.problem.measure.long_run import NORMAL
+
 NONE = 5.0  # weight of no scatter: as much as of all scatter up to e^5 - 1 = 150 times the noise
-NORMAL = 1.959963984540054
 GRID = np.r_[0.0, np.geomspace(1e-2, 1e5, 400)]  # of r
 HALVINGS = 60
 

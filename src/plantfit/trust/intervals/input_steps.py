@@ -13,6 +13,7 @@ import numpy as np
 
 from plantfit.findings.parameters import Determined
 from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.recording.signals.unrounded import reread
@@ -21,7 +22,6 @@ from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import Range
 from plantfit.trust.looks.input_steps import InputSteps, input_steps, step_looks
 
-NORMAL = 1.959963984540054
 PLACES = 16  # of the steps, at which readings are made
 NOTICED = 1.05  # times a standard error from which on steps are allowed for
 TOLD = 1.25  # times it from which on they are spoken of

@@ -7,6 +7,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.uncertainty import StatedUncertainty, Uncertainty
+from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.problem import Problem
 from plantfit.trust.stated_errors.parameter_uncertainty import ParameterUncertainty, coverage_factors, propagate, propagate_by_monte_carlo
 from plantfit.trust.stated_errors.reading_budgets import reading_budgets
@@ -14,7 +15,6 @@ from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY
 
 Row = Mapping[str, Any]
-NORMAL = 1.959963984540054
 
 
 def uncertainty_findings(
