@@ -231,3 +231,35 @@ def test_clipped_samples_are_marked():
     [look] = [k for k in signal_looks(recorded(y), "y", True) if k.kind == "clipped"]
     assert len(look.times) == min(200, int(look.figures["samples"] or 0))
     assert all(y[np.isclose(T, at)] == 2.0 for at in look.times)
+
+
+def driven_by_waves(seed, step):
+    """A lag driven by a slow signal, which is read in steps."""
+    rng, n = np.random.default_rng(seed), 600
+    rates, phases = rng.uniform(0.1, 1.2, 3), rng.uniform(0, 6, 3)
+    u = np.sum(np.sin(np.outer(0.01 * np.arange(10 * n), rates) + phases), axis=1)
+    over, under, _ = cont2discrete(([2.0], [rng.uniform(0.5, 4.0), 1.0]), 0.01)
+    y = lfilter(over.ravel(), under, u)[::10] + 0.01 * rng.standard_normal(n)
+    return recorded(y, step * np.round(u[::10] / step), 0.1 * np.arange(n))
+
+
+def test_an_input_that_was_read_in_steps_is_no_closed_loop():
+    records, rounding = [driven_by_waves(seed, 0.3) for seed in range(20)], 0.3 / np.sqrt(12.0)
+    # the output follows what was there, and so tells the error of the reading
+    assert sum(feedback_look(r, "u", "y") is not None for r in records) >= 15
+    assert sum(feedback_look(r, "u", "y", rounding) is not None for r in records) <= 1
+
+
+def test_a_closed_loop_is_told_though_its_input_is_read_in_steps():
+    found = {0.0: 0, 0.3 / np.sqrt(12.0): 0}
+    for seed in range(20):
+        rng, x, a, goal = np.random.default_rng(seed), 0.0, np.exp(-0.05 / 0.5), steps(seed)
+        u, y = np.empty(600), np.empty(600)
+        for k in range(600):
+            y[k] = x + 0.05 * rng.normal()
+            u[k] = 0.3 * np.round(3.0 * (goal[k] - (y[k - 1] if k else 0.0)) / 0.3)
+            x = a * x + (1 - a) * 2.0 * u[k]
+        for rounding in found:
+            found[rounding] += feedback_look(recorded(y, u), "u", "y", rounding) is not None
+    without, with_it = found.values()
+    assert with_it == without >= 8

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from plantfit import Parameter, Problem, Recording, Signal, equations, fit
+from plantfit.errors import PlantfitError
 from plantfit.optimize import minimise
 from plantfit.problem import Experiment
+from plantfit.spec import load
 from plantfit.spec.recordings import counted_signals
 from plantfit.study.objective import objective_of
 from plantfit.trust.intervals.input_steps import allowing_for_steps, moves
@@ -82,7 +84,7 @@ def test_the_moves_are_the_scatter_of_answers_without_noise():
         start = problem.space.cube(problem.space.vector({"r": RADIUS, "x0": 0.0}))
         z = minimise(objective_of(problem, start[None, :]), "least_squares", budget=300, settings={"agree": 1})[0].x
         found.append(float(problem.space.physical(z)[0]) - RADIUS)
-        told.append(moves(problem, z, linearise(problem, z), input_steps(problem))[0])
+        told.append(moves(problem, z, linearise(problem, z), input_steps(problem)).values[0])
     assert 0.8 < np.sqrt(np.mean(np.square(told))) / np.sqrt(np.mean(np.square(found))) < 1.5
 
 
@@ -90,9 +92,11 @@ def test_the_verdict_names_counts_and_what_they_do():
     answer = fit(Problem(WHEEL, drive(5, 40), SPACE), budget=600)
     own = next(v["sentence"] for v in answer.findings["verdict"] if "driven by counts (w)" in v["sentence"])
     assert "times as wide as by the noise" in own
-    assert "Residuals do not show this error" in own
+    assert " % of the mean square of the residuals may be this error" in own  # the ruler is finer than a count
     row = answer.findings["parameters"][0]
     assert row["standard_error"] > row["by_steps"] > 0
+    coarse = fit(Problem(WHEEL, drive(5, 40, noise=5e-3), SPACE), budget=600)
+    assert any("Residuals hardly show this error" in v["sentence"] for v in coarse.findings["verdict"])
     assert answer.standard_errors["r"] == row["standard_error"]
 
 
@@ -118,6 +122,11 @@ def test_readings_that_look_rounded_are_named_with_the_line_that_says_they_were_
     said = " ".join(v["sentence"] for v in answer.findings["verdict"])
     assert "driven by readings in steps (u)" in said
     assert "write rounded = { u = 0 } under [recording.run]" in said
+    assert "Residuals hardly show" not in said
+    share = float(said.split("About ")[1].split(" %")[0])
+    assert 40 <= share <= 100  # of residuals whose noise is a tenth of them
+    assert "closed loop" not in said
+    assert not [look for look in answer.findings["data"] if look["kind"] == "feedback"]
     assert answer.findings["parameters"][0]["by_steps"] > 0
     commanded = Experiment(record, rounded={"u": 0.0})
     assert input_steps(Problem(plant, commanded, space)) == []
@@ -150,13 +159,59 @@ def test_steps_of_what_is_not_there_are_refused(key, given, asked):
         Experiment(drive(1, 40).recording, **{key: given})
 
 
+def test_steps_that_cannot_be_are_refused():
+    from plantfit.errors import RecordingError
+
+    record = drive(1, 40).recording
+    with pytest.raises(RecordingError, match=r"steps of 500, but it moves by .* times seconds"):
+        Experiment(record, counted={"w": 500.0})
+    with pytest.raises(RecordingError, match=r"steps of 50, but it moves by .* in its unit\."):
+        Experiment(record, rounded={"w": 50.0})
+    with pytest.raises(RecordingError, match="both name 'w'; keep one"):
+        Experiment(record, counted={"w": 0.1}, rounded={"w": 0.0})
+    with pytest.raises(RecordingError, match=r"rounded names 'y', which is no input of the model; it is for inputs, here \['w'\]"):
+        Problem(WHEEL, Experiment(record, rounded={"y": 1e-4}), SPACE)
+
+
+def test_a_speed_that_is_no_input_may_be_made_of_counts_by_a_cleaning_step(tmp_path):
+    n = np.arange(200)
+    rows = [f"{0.1 * k:g},{np.floor(3.0 * k + np.sin(0.3 * k)):g},{1.0 + np.sin(0.3 * k):g}" for k in n]
+    (tmp_path / "a.csv").write_text("\n".join(["t,N,u", *rows]))
+    (tmp_path / "a.toml").write_text("""
+name = "w"
+[recording.r]
+file = "a.csv"
+clean = [
+    { step = "counts_to_angle", signal = "N", name = "turned", counts = 50 },
+    { step = "differentiate", signal = "turned", name = "w", method = "forward" },
+]
+[model]
+equations = "w' = (K*u - w)/tau"
+inputs = ["u"]
+outputs = { w = "rad/s" }
+states = { w = { unit = "rad/s" } }
+[parameters.K]
+bounds = [0.1, 10]
+unit = "rad/s"
+[parameters.tau]
+bounds = [0.1, 10]
+unit = "s"
+""")
+    problem = load(tmp_path / "a.toml").problem
+    assert input_steps(problem) == []
+    text = (tmp_path / "a.toml").read_text()
+    (tmp_path / "a.toml").write_text(text.replace("[model]", "counted = { w = 0.1 }\n[model]"))
+    with pytest.raises(PlantfitError, match="counted names 'w', which is no input of the model"):
+        load(tmp_path / "a.toml")
+
+
 def test_recordings_err_each_by_itself():
     one, two = drive(1, 40, noise=0.0), drive(2, 40, noise=0.0)
     together = Problem(WHEEL, {"one": one, "two": two}, {"r": SPACE["r"], "x0": Parameter((-1.0, 1.0), "m", per_recording=True)})
     start = together.space.cube(together.space.vector({"r": RADIUS, "x0[one]": 0.0, "x0[two]": 0.0}))
-    both = moves(together, start, linearise(together, start), input_steps(together))[0]
+    both = moves(together, start, linearise(together, start), input_steps(together)).values[0]
     alone = [
-        moves(p, z, linearise(p, z), input_steps(p))[0]
+        moves(p, z, linearise(p, z), input_steps(p)).values[0]
         for p in (Problem(WHEEL, one, SPACE), Problem(WHEEL, two, SPACE))
         for z in [p.space.cube(p.space.vector({"r": RADIUS, "x0": 0.0}))]
     ]

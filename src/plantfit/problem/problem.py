@@ -110,7 +110,9 @@ class Problem:
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.begins = dict(before or {}), initial_time  # of every recording that does not say its own
-        self.experiments = experiments_of(recordings, split, skip, validate, *self.begins, self.predictor.needs)
+        self.experiments = experiments_of(
+            recordings, split, skip, validate, *self.begins, self.predictor.needs, model.inputs if isinstance(model, Model) else None
+        )  # fmt: skip
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         self._refuse_unfitted()
         # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py

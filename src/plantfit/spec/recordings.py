@@ -102,8 +102,7 @@ def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
     record = read_recording(name, r, path, files)
-    steps = {"counted": {**counted_signals(r.clean), **r.counted}, "rounded": r.rounded}
-    steps["counted"] = {n: s for n, s in steps["counted"].items() if n in record.signals or n in r.counted}
+    steps = {"counted": r.counted, "rounded": r.rounded}
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and validate.")

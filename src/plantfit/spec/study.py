@@ -21,8 +21,8 @@ from plantfit.space import Parameter
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
-from plantfit.spec.recordings import experiment_of
-from plantfit.spec.tables import AlikeTable, ParameterTable, SpecTable
+from plantfit.spec.recordings import counted_signals, experiment_of
+from plantfit.spec.tables import AlikeTable, ParameterTable, RecordingTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
 from plantfit.trust.stated_errors.shared_error import SharedError
@@ -55,6 +55,9 @@ class Study:
 def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path]) -> Study:
     """The study of checked tables; recordings are looked for beside `path`, or where `files` says."""
     model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files) for n, r in table.recording.items()}
+    if isinstance(model, Model):
+        with errors_at(path.name):
+            experiments = {n: _with_counts(e, table.recording[n], model) for n, e in experiments.items()}
     regression, biased = None, missing_instruments(table, model)
     if table.regression is not None:
         from plantfit.spec.regression import prepared  # filters and instruments need rooms of scipy that are slow to import
@@ -138,6 +141,12 @@ def _from_text(table: SpecTable) -> Model:
         name=table.name,
         check=m.check_units,
     )
+
+
+def _with_counts(e: Experiment, r: RecordingTable, model: Model) -> Experiment:
+    """The experiment with the inputs that its cleaning steps make of counts, beside those that the file names."""
+    made = {u: size for u, size in counted_signals(r.clean).items() if u in model.inputs}
+    return replace(e, counted=made | dict(e.counted)) if made else e
 
 
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):

@@ -1,7 +1,7 @@
 """One recording as a problem sees it: which samples are fitted, which are kept unseen, in the model's units."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,17 +43,7 @@ class Experiment:
     rounded: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for key, given in (("counted", self.counted), ("rounded", self.rounded)):
-            for name, step in given.items():
-                if name not in self.recording.signals:
-                    raise RecordingError(
-                        f"Recording {self.recording.name!r}: {key} names {name!r}, but the signals are {list(self.recording.signals)}; "
-                        "name one of them."
-                    )
-                if not (np.isfinite(step) and step >= 0):
-                    raise RecordingError(
-                        f"Recording {self.recording.name!r}: {key} gives {name!r} steps of {step:g}; give their size, or 0 for none."
-                    )
+        self._check_steps()
         if self.initial_time is None:
             return
         if self.steady:
@@ -63,6 +53,35 @@ class Experiment:
                 f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first sample at "
                 f"{self.recording.t[0]:g} s; give an earlier time of the recording's own axis, or leave it out."
             )
+
+    def _check_steps(self) -> None:
+        name, signals = self.recording.name, self.recording.signals
+        for key, given in (("counted", self.counted), ("rounded", self.rounded)):
+            for u, step in given.items():
+                if u not in signals:
+                    raise RecordingError(f"Recording {name!r}: {key} names {u!r}, but the signals are {list(signals)}; name one of them.")
+                if not (np.isfinite(step) and step >= 0):
+                    raise RecordingError(f"Recording {name!r}: {key} gives {u!r} steps of {step:g}; give their size, or 0 for none.")
+                moves, unit = self._movement(u, key == "counted"), "its unit times seconds" if key == "counted" else "its unit"
+                if step > moves > 0:
+                    raise RecordingError(
+                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it moves by {moves:.3g} in all; give the size of "
+                        f"one step, in {unit}."
+                    )
+        both = self.counted.keys() & self.rounded.keys()
+        if both:
+            raise RecordingError(
+                f"Recording {name!r}: counted and rounded both name {min(both)!r}; keep one (cleaning steps that read counts make it "
+                "counted)."
+            )
+
+    def _movement(self, name: str, counted: bool) -> float:
+        """The way that the integral of a signal goes where it is `counted`, else the signal's range."""
+        values, t = self.recording[name], self.recording.t
+        there = np.isfinite(values)
+        if not counted:
+            return float(np.ptp(values[there])) if there.any() else 0.0
+        return float(np.sum(np.abs(np.where(there, values, 0.0)[:-1]) * np.diff(t)))
 
     def error_numbers(self, output: str) -> np.ndarray | None:
         """Number (n,) of the error that each sample of an output has, NaN where it is not known; None where times number them.
@@ -198,11 +217,11 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
 
 def experiments_of(
     recordings: Any, fitted: float | None, skip: float, validate: Sequence[str], before: Mapping[str, float | str],
-    initial_time: float | None, needs: Mapping[str, str | None],
+    initial_time: float | None, needs: Mapping[str, str | None], inputs: Collection[str] | None = None,
 ) -> dict[str, Experiment]:  # fmt: skip
     """The recordings of a problem by name, in the units that its model `needs`; `fitted` is the first share of a single one.
 
-    Raises RecordingError for names and shares that contradict each other.
+    `inputs` of the model are those that may be counted or rounded. Raises RecordingError for names and shares that contradict each other.
     """
     if isinstance(recordings, Recording | Experiment):
         inner = recordings.recording if isinstance(recordings, Experiment) else recordings
@@ -223,6 +242,13 @@ def experiments_of(
                 if fitted is not None
                 else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
             )
+        for key in ("counted", "rounded"):
+            others = [] if inputs is None else [n for n in getattr(given, key) if n not in inputs]
+            if others:
+                raise RecordingError(
+                    f"Recording {name!r}: {key} names {others[0]!r}, which is no input of the model; it is for inputs, here "
+                    f"{list(inputs or ())}."
+                )
         history = before_in_units(given.recording, {**before, **given.before}, needs)
         begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
         inner, now = given.recording, in_units(given.recording, needs)

@@ -116,11 +116,12 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
     )  # fmt: skip
 
 
-def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
+def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) -> Look | None:
     """Whether past values of y tell of u what past values of u do not: the input was computed from the output.
 
     Granger, Econometrica 37 (1969) 424, by an F test of 5 lags; None where it is not so. An input that is stamped late looks the same,
-    and where that tells the record better, the sentence names both.
+    and where that tells the record better, the sentence names both. `misread` is the error (rms, in the unit of u) of single readings of
+    u, as of a coarse converter: y is driven by what was there, so past values of y tell up to this much of them without any loop.
     """
     a, b = recording[u], recording[y]
     good = np.isfinite(a) & np.isfinite(b)
@@ -132,7 +133,7 @@ def feedback_look(recording: Recording, u: str, y: str) -> Look | None:
     if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0:
         return None
     share = 1.0 - left[1] / left[0]
-    if share < SHARE:
+    if share < SHARE or left[0] - left[1] <= len(new) * misread**2:
         return None
     f = share / max(1.0 - share, 1e-300) * free / LAGS
     chance = float(scipy.special.fdtrc(LAGS, free, f))

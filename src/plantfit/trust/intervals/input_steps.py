@@ -1,13 +1,14 @@
 """Intervals that allow for the steps in which inputs were read.
 
-A speed made of an encoder's counts, or a voltage of a coarse converter, is the plant's input and an error of less than a step. The model is
-driven by both, so that this error is carried through the plant and moves its parameters; residuals hardly show it. How much it moves them
-is told by other readings of the same motion: the input as a smooth curve, read in the same steps that lie elsewhere, 16 times over a step
-(`recording/signals/unrounded.py`). The squares of the moves of the least-squares answer, to first order, are the variance that steps add.
+A speed made of an encoder's counts, or a voltage of a coarse converter, is the plant's input and an error of less than a step. The model
+is driven by both, so that this error is carried through the plant and moves its parameters; residuals show little of what is slow in it.
+How much it moves them is told by other readings of the same motion: the input as a smooth curve, read in the same steps that lie
+elsewhere, 16 times over a step (`recording/signals/unrounded.py`). The squares of the moves of the least-squares answer, to first order,
+are the variance that steps add.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,9 +43,9 @@ def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequ
     if not steps or not any(_bounded(row) for row in rows):
         return plain, []
     moved = moves(problem, z, local, steps)
-    wider = [_wider(row, problem, local, places[row["name"]], moved) if row["name"] in places else row for row in plain]
+    wider = [_wider(row, problem, local, places[row["name"]], moved.values) if row["name"] in places else row for row in plain]
     times = max(w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row))
-    return wider if times > NOTICED else plain, step_looks(problem, steps) if times > TOLD else []
+    return wider if times > NOTICED else plain, step_looks(problem, steps, moved.left) if times > TOLD else []
 
 
 def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | None:
@@ -58,8 +59,16 @@ def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | 
     return determined.model_copy(update={"combinations": kept, "count": count, "directions": count, "only_if": only_if})
 
 
-def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps]) -> np.ndarray:
-    """By how much steps move the values (d,), root mean square, in their units; parameters that a bound holds do not move."""
+class Moves(NamedTuple):
+    """What steps do, root mean square over other readings: to the `values` (d,) in their units, and to the residuals, where `left` is
+    the mean square that the parameters do not take in, over that of the residuals."""
+
+    values: np.ndarray
+    left: float
+
+
+def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps]) -> Moves:
+    """By how much steps move the values and the residuals; parameters that a bound holds do not move."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     j = np.where([b is None for b in local.at_bound], jacobian / norms, 0.0)
@@ -69,7 +78,7 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     rows: dict[str, list[slice]] = {}
     for name, _, block in named_blocks(problem):
         rows.setdefault(name, []).append(block.rows)
-    squares = np.zeros(len(z))
+    squares, left = np.zeros(len(z)), 0.0
     for signal in dict.fromkeys(s.signal for s in steps):
         read = {
             s.recording: reread(recordings[s.recording], signal, s.size, PLACES, s.kind == "counted") for s in steps if s.signal == signal
@@ -78,7 +87,9 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
             there = np.asarray(problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z))
             for own in rows.values():  # each recording errs by itself
                 squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / PLACES
-    return np.sqrt(squares) * problem.space.slopes(z)
+            change = there - residuals
+            left += float(np.sum((change + (j * norms) @ (solve @ change)) ** 2)) / PLACES
+    return Moves(np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300))
 
 
 def _bounded(row: Row) -> bool:
@@ -102,4 +113,4 @@ def _wider(row: Row, problem: Problem, local: Local, at: int, moved: np.ndarray)
     }  # fmt: skip
 
 
-__all__ = ["allowing_for_steps", "claimed", "moves"]
+__all__ = ["Moves", "allowing_for_steps", "claimed", "moves"]

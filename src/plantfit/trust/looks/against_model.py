@@ -16,6 +16,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
+from plantfit.trust.looks.input_steps import input_steps, misread
 from plantfit.trust.validate.residual_tests import white_part
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
@@ -35,6 +36,7 @@ def problem_looks(problem: Problem) -> list[Look]:
     if not isinstance(model, Model) or not problem.in_time:
         return []
     found: list[Look] = []
+    steps = input_steps(problem)
     for name, e in problem.experiments.items():
         if e.steady:
             continue
@@ -47,7 +49,9 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += signal_looks(recording, y, measured=True)
         for signal, measured in (*((u, False) for u in model.inputs), *((y, True) for y in problem.outputs)):
             found += looks_of_packages(recording, signal, measured)
-        found += [look for u in model.inputs for y in problem.outputs if (look := feedback_look(recording, u, y)) is not None]
+        off = {s.signal: misread(e, s) for s in steps if s.recording == name}
+        pairs = ((u, y) for u in model.inputs for y in problem.outputs)
+        found += [look for u, y in pairs if (look := feedback_look(recording, u, y, off.get(u, 0.0))) is not None]
         found += _times(problem, recording)
         if not any(_steps_at_start(e, model, u) for u in e.before) and (
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, e)

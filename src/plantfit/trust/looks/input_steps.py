@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from plantfit.models.model import Model
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.recording.looks.rounded import rounded_step
@@ -39,12 +40,20 @@ def input_steps(problem: Problem) -> list[InputSteps]:
     return found
 
 
-def step_looks(problem: Problem, steps: Sequence[InputSteps]) -> list[Look]:
-    """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample."""
-    return [_look(problem, s) for s in steps]
+def misread(e: Experiment, s: InputSteps) -> float:
+    """The error (rms) of single readings of an input that is even within its steps."""
+    return s.size / np.sqrt(12.0) if s.kind == "rounded" else s.size / float(np.median(np.diff(e.recording.t))) / np.sqrt(6.0)
 
 
-def _look(problem: Problem, s: InputSteps) -> Look:
+def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None = None) -> list[Look]:
+    """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample.
+
+    `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet.
+    """
+    return [_look(problem, s, left) for s in steps]
+
+
+def _look(problem: Problem, s: InputSteps, left: float | None) -> Look:
     recording = problem.experiments[s.recording].recording
     values, t = recording[s.signal], recording.t
     own = recording.signals[s.signal].unit
@@ -53,19 +62,28 @@ def _look(problem: Problem, s: InputSteps) -> Look:
     each = np.abs(values) * float(np.median(np.diff(t))) / s.size if s.kind == "counted" else np.abs(np.diff(values)) / s.size
     whole = float(np.sum(each)) if s.kind == "counted" else float(np.ptp(values)) / s.size
     usual = float(np.median(each[each > 0])) if np.any(each > 0) else 0.0
+    figures: dict[str, int | float | None] = {"step": s.size, "steps": whole, "steps_a_sample": usual, "told": int(s.told), "left": left}
+    place = s.recording, s.signal
     ends = float(t[0]), float(t[-1])
-    figures: dict[str, int | float | None] = {"step": s.size, "steps": whole, "steps_a_sample": usual}
     if s.kind == "counted":
         text = (
             f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves. Where they lie "
-            f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %, and residuals do not show it."
+            f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %."
         )
-        return Look("counted", "info", s.recording, s.signal, text, *ends, "", figures)
+        return Look("counted", "info", *place, text, *ends, "", figures)
+    seen = "" if s.told else ", or so it looks"
     text = (
-        f"{s.signal} was read in steps of {s.size:.4g}{unit}, a share of {1 / max(whole, 1.0):.2g} of its range"
-        f"{'' if s.told else ', or so it looks'}. A plant is driven by what was there, not by what was read."
+        f"{s.signal} was read in steps of {s.size:.4g}{unit}, {100 / max(whole, 1.0):.2g} % of its range{seen}. "
+        "A plant is driven by what was there, not by what was read."
     )
-    return Look("rounded", "info", s.recording, s.signal, text, *ends, "" if s.told else f"rounded = {{ {s.signal} = 0 }}", figures)
+    if not s.told:
+        text += f" If {s.signal} was commanded and not measured, write {as_commanded(s.signal)}."
+    return Look("rounded", "info", *place, text, *ends, "", figures)
 
 
-__all__ = ["InputSteps", "input_steps", "step_looks"]
+def as_commanded(signal: str) -> str:
+    """The line of the study file that says that an input was commanded."""
+    return f"rounded = {{ {signal} = 0 }}"
+
+
+__all__ = ["InputSteps", "as_commanded", "input_steps", "misread", "step_looks"]

@@ -3,7 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from plantfit.trust.looks.input_steps import as_commanded
 from plantfit.trust.verdict.words import Sentence, number, say, some, span
+
+SHOWN = 0.2  # share of the residuals' mean square from which on they are said to show the steps
 
 
 def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
@@ -19,13 +22,21 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     most = f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})" if decided and len(rows) > 1 else ""
     text = (
         f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as by the noise, "
-        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. Residuals do not show this error; only finer {what} narrow it."
+        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. {_seen(looks)}; only finer {what} narrow the interval."
     )
-    guessed = [look for look in looks if look["write"]]
+    guessed = [look for look in looks if look["kind"] == "rounded" and not look["figures"]["told"]]
     if guessed:
         name = guessed[0]["signal"]
-        text += f" If {name} was commanded and not measured, write {guessed[0]['write']} under [recording.{guessed[0]['recording']}]."
+        text += f" If {name} was commanded and not measured, write {as_commanded(name)} under [recording.{guessed[0]['recording']}]."
     yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
+
+
+def _seen(looks: list[Mapping[str, Any]]) -> str:
+    """Whether the residuals show the steps."""
+    left = max(look["figures"]["left"] or 0.0 for look in looks)
+    if left < SHOWN:
+        return "Residuals hardly show this error"
+    return f"About {100 * min(1.0, left):.0f} % of the mean square of the residuals may be this error"
 
 
 def _times(p: Mapping[str, Any]) -> float:
