@@ -250,6 +250,17 @@ def test_an_input_that_was_read_in_steps_is_no_closed_loop():
     assert sum(feedback_look(r, "u", "y", rounding) is not None for r in records) <= 1
 
 
+def test_an_input_that_was_read_with_noise_looks_like_a_closed_loop_and_both_are_named():
+    looks = []
+    for seed in range(20):
+        r, rng = driven_by_waves(seed, 1e-9), np.random.default_rng(100 + seed)
+        noisy = Signal(r["u"] + 0.2 * rng.standard_normal(len(r)))
+        looks.append(feedback_look(Recording(r.t, {"u": noisy, "y": r.signals["y"]}, "r"), "u", "y"))
+    told = [look.sentence for look in looks if look is not None]
+    assert len(told) >= 15
+    assert all("(closed loop), or to be read with noise" in s or "stamped" in s for s in told)
+
+
 def test_a_closed_loop_is_told_though_its_input_is_read_in_steps():
     found = {0.0: 0, 0.3 / np.sqrt(12.0): 0}
     for seed in range(20):

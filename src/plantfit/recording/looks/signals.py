@@ -152,8 +152,8 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
     else:
         write = ""
         sentence = (
-            f"{told_of}seems to be computed from {y} (closed loop), where noise reaches the input and pulls the parameters. See "
-            "docs/closed-loop.md, or estimate with a Kalman filter."
+            f"{told_of}seems to be computed from {y} (closed loop), or to be read with noise, so that {y} knows it better. Both pull the "
+            f"parameters. For a loop see docs/closed-loop.md, or estimate with a Kalman filter; smooth a noisy {u} in a cleaning step."
         )
     return Look(
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write, figures, other=y
