@@ -17,8 +17,10 @@ from plantfit.native.kept_programs import Kept, described
 from plantfit.optimize import minimise
 from plantfit.optimize.loop import generations
 from plantfit.problem.evaluate import points
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
 
 import jax
@@ -168,6 +170,80 @@ def test_all_that_is_compiled_in_is_in_the_description_of_a_problem():
     assert problem()._description == found[0]
 
 
+def compiled_in(problem):
+    return problem.compiled["costs"].description
+
+
+def test_recorded_numbers_are_not_compiled_in(folder):
+    z = np.array([0.4, 0.6])
+    equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
+    first = problem(equation)
+    r = first.experiments["recording"].recording
+    noisy = {
+        "measured": Recording(r.t, {"u": Signal(r["u"]), "y": Signal(r["y"] + 0.1 * np.cos(7.0 * r.t))}),
+        "input": Recording(r.t, {"u": Signal(np.sin(3.0 * r.t)), "y": Signal(r["y"])}),
+        "times": Recording(1.1 * r.t, {n: Signal(r[n]) for n in ("u", "y")}),
+    }
+    cost, _ = first.costs(z[None, :]), points.residuals_and_jacobian(first, z)
+    for what, recording in noisy.items():
+        other = Problem(first.model, recording, substeps=2)
+        assert compiled_in(other) == compiled_in(first), what
+        plain = (
+            jax.jit(other.evaluator.costs)(z[None, :], other.arguments),
+            *jax.jit(other.evaluator.residuals_and_jacobian)(z, other.arguments),
+        )
+        several = points.several(other.compiled["residuals_and_jacobian"])
+        other.compiled["costs"]._plain = several._plain = None  # whoever traced would meet this
+        found = other.costs(z[None, :]), *points.residuals_and_jacobian(other, z)
+        assert not np.array_equal(found[0], cost), what
+        assert all(np.array_equal(a, b) for a, b in zip(found, plain, strict=True)), what
+
+
+def scored_after(skip):
+    own = problem()
+    r = own.experiments["recording"].recording
+    return Problem(own.model, Experiment(r, skip=skip), substeps=2)
+
+
+def late(bounds):
+    t = np.linspace(0.0, 8.0, 40)
+    model = equations(
+        "x' = (delay(u, L) - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"],
+        parameters={"tau": {"bounds": (0.2, 3.0)}, "L": {"bounds": bounds}},
+    )  # fmt: skip
+    return Problem(model, Recording(t, {"u": Signal((t > 1.0) * 1.0), "y": Signal(np.sin(t))}), substeps=2)
+
+
+def test_all_else_is_compiled_in():
+    own = problem()
+    r = own.experiments["recording"].recording
+    model = own.model
+    others = {
+        "first": own,
+        "equation": problem("x' = (K*u - x)/tau\ny = 2*x"),
+        "bounds": problem(bounds=(0.1, 4.0)),
+        "length": problem(samples=41),
+        "steps": problem().with_simulator(own.predictor.stepping().refined(2)),
+        "stepper": Problem(model, r, substeps=2, stepper="rk4"),
+        "hold": Problem(model, r, substeps=2, hold={"u": "linear"}),
+        "scored, one": scored_after(1.0),
+        "scored, another": scored_after(2.0),
+        "names": Problem(model, {"other": r}, substeps=2),
+        "two": Problem(model, {"a": r, "b": r}, substeps=2),
+        "steady beside it": Problem(model, {"a": r, "b": Experiment(r, steady=True)}, substeps=2),
+        "per recording": Problem(model, {"a": r, "b": r}, {"K": Parameter((0.1, 5.0), per_recording=True)}, substeps=2),
+        "held": Problem(model, r, {"K": Parameter(value=2.0)}, substeps=2),
+        "held elsewhere": Problem(model, r, {"K": Parameter(value=3.0)}, substeps=2),
+        "late": late((0.5, 1.0)),
+        "late or not": late((0.0, 6.0)),
+    }
+    found = {name: compiled_in(p) for name, p in others.items()}
+    assert None not in found.values()
+    assert len(set(found.values())) == len(found), found
+    assert compiled_in(problem()) == compiled_in(problem().with_scales({"y": 3.0})) == found["first"]
+    assert compiled_in(Problem(model, r, {"K": Parameter((0.1, 5.0), start=2.0)}, substeps=2)) == found["first"]
+
+
 def test_a_problem_gives_the_same_bits_from_disk(folder):
     z = np.array([0.4, 0.6])
     equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
@@ -230,6 +306,7 @@ def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
     """Generations of a population method (CMA-ES calls LAPACK in them) and the candidates of one that drives itself."""
     text = """
 from plantfit.optimize import minimise
+from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
 for method in ("cmaes", "nelder_mead"):
     found = minimise(objective_of(problem()), method, runs=2, budget=150, seed=3)

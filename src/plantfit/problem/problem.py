@@ -322,12 +322,20 @@ class Problem:
             given = {n: getattr(functions, n) for n in names}
             given["costs"] = partial(_or_infinite, functions.costs)
             given |= {"outputs": self.predictor.outputs, "trajectories": self.predictor.trajectories}
-            self._compiled[key] = {n: Kept(f, n, self._description) for n, f in given.items()}
+            described_by = self._compiled_in(functions)
+            self._compiled[key] = {n: Kept(f, n, described_by) for n, f in given.items()}
         return self._compiled[key]
+
+    def _compiled_in(self, functions: Evaluator) -> bytes | None:
+        """A digest of all that the programs of these functions depend on; None where it cannot be told. Recorded numbers are arguments."""
+        simulator = self.predictor.simulator
+        steps = None if simulator is None else (simulator.stepper, simulator.substeps, simulator.interpolated)
+        parameters = {n: replace(p, start=None, sentence="", typical=None) for n, p in self.space.parameters.items()}
+        return described((self.model, steps, parameters, self.space.recordings, self.outputs, functions.compiled_in))
 
     @cached_property
     def _description(self) -> bytes | None:
-        """A digest of all that is compiled into the functions; None where it cannot be told."""
+        """A digest of the whole problem, recorded numbers too; None where it cannot be told."""
         return described({k: v for k, v in self.__getstate__().items() if k not in _NOT_COMPILED})
 
     def kept(self, function: Callable, name: str, thing: Any) -> Kept:

@@ -6,6 +6,7 @@ that derivatives are taken in these q local coordinates; the zeros of a full Jac
 
 import contextlib
 import dataclasses
+import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -85,11 +86,13 @@ class BatchedRecords:
     def serves(self, other: "BatchedRecords") -> bool:
         """Whether functions compiled for these records serve the other's as well."""
         shapes = [jax.tree.map(np.shape, (b.rows.chunks, b.whole and b.whole.records)) for b in (self, other)]
-        windows = [(b.rows.windows, b.whole and b.whole.windows) for b in (self, other)]
-        same = windows[0] == windows[1] and self.names == other.names and shapes[0] == shapes[1]
-        # both are compiled in: records of other lengths may lie elsewhere though the same samples are scored
-        mine, theirs = ([*_flat(b.scored), *_flat(b.picked)] for b in (self, other))
-        return same and all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
+        return shapes[0] == shapes[1] and pickle.dumps(self.compiled_in) == pickle.dumps(other.compiled_in)
+
+    @property
+    def compiled_in(self) -> Any:
+        """Which rows are scored and where they lie: records of other lengths may lie elsewhere though the same samples are scored."""
+        whole = self.whole and self.whole.compiled_in
+        return self.names, self.rows.windows, self.few_edges, whole, self.scored, self.picked, self.local
 
     def with_simulator(self, simulator: Simulator) -> "BatchedRecords":
         """The same records with other steps."""
@@ -323,10 +326,6 @@ def _at(a: Any, samples: np.ndarray) -> Any:
     first = int(samples[0]) if len(samples) else 0
     following = np.array_equal(samples, first + np.arange(len(samples)))
     return a[first : first + len(samples)] if following else jnp.take(a, samples, axis=0)
-
-
-def _flat(nested: tuple[tuple[np.ndarray, ...], ...]) -> list[np.ndarray]:
-    return [a for record in nested for a in record]
 
 
 def _widened(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -27,6 +27,14 @@ class Evaluator(Protocol):
     @property
     def recordings(self) -> Sequence[Sequence[str]]: ...
 
+    @property
+    def compiled_in(self) -> Any:
+        """What the programs of the functions depend on beside predictor, space and the shapes of arguments; it can be pickled.
+
+        No measured number is in it: a record with the same times, or any of the same shape, is another argument of the same program.
+        """
+        ...
+
     def arguments(self, data: Mapping[str, Any]) -> Any:
         """What the functions take beside z, a pytree, from `Problem.data`."""
         ...

@@ -47,6 +47,11 @@ class MovingAndSteady:
         """Every moving recording by itself, then all others together."""
         return [*self.moving.recordings, self._others]
 
+    @property
+    def compiled_in(self) -> Any:
+        """That of both, and how many rows every record has."""
+        return self.moving.compiled_in, self.steady.compiled_in, dict(self.counts)
+
     def arguments(self, data: Mapping[str, Any]) -> Any:
         """The numbers of the moving records, and the data of the others."""
         steady = {**data, **{k: {n: data[k][n] for n in self._others} for k in ("drive", "index", "measured")}}

@@ -30,6 +30,11 @@ class RecordByRecord:
         """All of them in one block."""
         return [self.names]
 
+    @property
+    def compiled_in(self) -> Any:
+        """Names of recordings: all else is looked up in `data`."""
+        return self.names
+
     def arguments(self, data: Any) -> Any:
         """`Problem.data` as it is."""
         return data

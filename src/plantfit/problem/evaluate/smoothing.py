@@ -129,6 +129,11 @@ class Smoothed:
         """As those of `data`."""
         return self.data.recordings
 
+    @property
+    def compiled_in(self) -> Any:
+        """That of `data`, and the bends; their strengths are arguments."""
+        return self.data.compiled_in, self.smoothing.rows, self.count
+
     def arguments(self, data: Mapping[str, Any]) -> Any:
         """Those of `data`, and the strengths."""
         return self.data.arguments(data), np.array(list(self.smoothing.strengths.values()))

@@ -47,6 +47,11 @@ class RecordRows:
         """Whether records are so alike in length that they can go on side by side to the end of the longest."""
         return self.records.late.size <= EVEN * int(np.sum(self.records.used))
 
+    @property
+    def compiled_in(self) -> tuple[Any, ...]:
+        """What a program depends on beside the shapes: near edges, and what `even` and `together` look at."""
+        return self.windows, self.records.late.shape, int(np.sum(self.records.used))
+
     def together(self, candidates: int) -> bool:
         """Whether it takes less time to go through all records together, with one candidate after the other, than the other way round.
 
