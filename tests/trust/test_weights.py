@@ -9,7 +9,10 @@ from test_agreement import two_outputs
 from plantfit.errors import SpaceError
 from plantfit.findings import read_findings
 from plantfit.fitting import fit
+from plantfit.models import equations
 from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
+from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording, Signal
 from plantfit.report import summary_text, write_report
 
 
@@ -73,3 +76,38 @@ def test_findings_made_before_there_were_weights_still_load():
     assert old.weights == []
     assert old.agreement is None
     assert "count as 1" not in summary_text({**record, "verdict": []})
+
+
+def seen_rarely(samples, noise, seed=0):
+    """A first-order plant, y at all samples and w, whose gain nobody knows, at few: two of them can be followed exactly."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 10.0, 200)
+    u = np.repeat(rng.normal(size=20), 10)
+    declared = {"K": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.05, 5.0)}, "b": {"bounds": (-5.0, 5.0)}, "c": {"bounds": (-50.0, 50.0)}}
+    model = equations("x' = (K*u - x)/tau\ny = x\nw = b*x + c", inputs=["u"], states=["x"], outputs=["y", "w"], parameters=declared)
+    clean = Problem(model, Recording(t, {n: Signal(u) for n in ("u", "y", "w")}), substeps=8).predict(np.array([2.0, 0.7, 1.5, 20.0]))
+    y, w = (clean[n] + s * rng.normal(size=len(t)) for n, s in (("y", 0.05), ("w", noise)))
+    w = np.where(np.isin(np.arange(len(t)), samples), w, np.nan)
+    return Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y), "w": Signal(w)}))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_scale_does_not_go_to_zero_where_few_samples_are_followed_exactly(seed):
+    problem = seen_rarely([60, 150], noise=0.4, seed=seed)
+    found = fit(problem, seed=1)
+    assert found.values["K"] == pytest.approx(2.0, abs=0.06)
+    assert found.values["tau"] == pytest.approx(0.7, abs=0.06)
+    source = found.problem.scale_sources["w"]
+    assert (source.kind, source.settled) == ("few samples", True)
+    assert found.problem.scales["w"] == pytest.approx(0.01 * np.nanstd(problem.experiments["recording"].recording["w"]))
+    assert found.problem.scales["y"] == pytest.approx(0.05, rel=0.2)
+    [said] = [v for v in found.findings["verdict"] if "count as 1" in v["sentence"]]
+    assert said["level"] == "warning"
+    assert said["sentence"].endswith("Give a scale for w if you know the size of the errors.")
+    assert "it has no more samples than there are free parameters" in said["sentence"]
+
+
+def test_few_samples_whose_errors_show_have_the_scale_of_their_errors():
+    found = fit(seen_rarely([20, 60, 110, 150], noise=0.4), seed=1)
+    assert found.problem.scale_sources["w"].kind == "residuals"
+    assert 0.1 < found.problem.scales["w"] < 0.8

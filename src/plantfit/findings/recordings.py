@@ -74,7 +74,7 @@ class Weight(Record):
     output: str
     unit: str | None = None
     scale: Number
-    chosen: Literal["given", "unit", "spread", "residuals"]
+    chosen: Literal["given", "unit", "spread", "residuals", "few samples"]
     who: str = ""
     rounds: int = 0
     """Of estimating it from the residuals."""

@@ -14,9 +14,9 @@ from plantfit.findings.runs import Basin, History, Run
 from plantfit.findings.simulation import Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
 from plantfit.optimize.contract import RunResult
-from plantfit.problem.accuracy.verification import followed, least_exact
+from plantfit.problem.accuracy.verification import error_of, least_exact
 from plantfit.problem.problem import Problem
-from plantfit.simulate.check.verify import by_doubling, check_steps
+from plantfit.simulate.check.verify import by_doubling
 from plantfit.simulate.simulator import Drive
 from plantfit.study.comparing.basins import basins
 from plantfit.study.versions import cpu_model, versions
@@ -246,9 +246,8 @@ def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: boo
     simulator = problem.predictor.stepping()
     name = least_exact(problem, z)[0]
     p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-    drive = problem.data["drive"][name]
-    error = check_steps(simulator, p, drive, tight=followed(problem, z, name, CHECKED)) if verify else by_doubling(simulator, p, drive)
-    rows = {}
+    error = error_of(problem, z, name, CHECKED) if verify else by_doubling(simulator, p, problem.data["drive"][name])
+    drive, rows = problem.data["drive"][name], {}
     for output in problem.outputs:
         index, y = problem.data["index"][name][output], problem.data["measured"][name][output]
         if not len(y) or not np.isfinite(error.max_error[output]):

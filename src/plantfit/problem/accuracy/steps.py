@@ -46,6 +46,7 @@ LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
 MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
+UNREACHED = 2.0  # times the tolerance, from which on a mesh has not come to it
 EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
 ROUNDS = 4  # of choosing steps at one answer
 DEFAULT = "exponential"  # the only stepper that is replaced by adaptive steps
@@ -141,10 +142,27 @@ def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], f
 def _adaptive(
     problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, first: int = 1, most: int = FINEST
 ) -> Problem:
-    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first` fineness on."""
+    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first` fineness on.
+
+    Where steps are 1e8 times as long as the quickest time constant and more, rounding is larger than the error that a high fineness allows,
+    and a candidate cannot be followed: the finest that can is taken.
+    """
     own = problem.predictor.stepping()
     problem = problem.with_mesh({}) if problem.mesh else problem
-    return _refined_until(problem.with_simulator(Simulator(own.vector, ADAPTIVE, first, own.interpolated)), error, z, small, most)
+    made = problem.with_simulator(Simulator(own.vector, ADAPTIVE, first, own.interpolated))
+    best, least_error = None, np.inf
+    while True:
+        found = _quantile(made, error, z, 0.5)
+        if found < least_error:
+            best, least_error = made, found
+        if found < small or made.predictor.stepping().substeps >= most or (best is not None and not np.isfinite(found)):
+            break
+        made = made.with_simulator(made.predictor.stepping().refined(2))
+    coarser = first // 2
+    while best is None and coarser >= 1:
+        coarse = problem.with_simulator(Simulator(own.vector, ADAPTIVE, coarser, own.interpolated))
+        best, coarser = coarse if np.isfinite(_quantile(coarse, error, z, 0.5)) else None, coarser // 2
+    return best or made
 
 
 def _long(problem: Problem) -> bool:
@@ -228,8 +246,18 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
         if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
-    made = _mesh_or_longer(problem, z[None, :], problem.scales, small * EXACT / FINE)
-    return _adaptive(problem, scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
+    tolerance = small * EXACT / FINE
+    return _mesh_or_adaptive(problem, _mesh_or_longer(problem, z[None, :], problem.scales, tolerance), z, tolerance)
+
+
+def _mesh_or_adaptive(problem: Problem, made: Problem, z: np.ndarray, tolerance: float) -> Problem:
+    """The mesh that was `made` at z, or adaptive steps where it is too long, or did not come to the tolerance and they are more exact."""
+    if _long(made):
+        return _adaptive(problem, scaled_error, z[None, :], tolerance, SENSITIVE, MOST_FINE)
+    if not _can_adapt(problem) or (reached := float(errors_at(made, z[None, :], problem.scales)[0])) <= UNREACHED * tolerance:
+        return made
+    exact = _adaptive(problem, scaled_error, z[None, :], tolerance, SENSITIVE, MOST_FINE)
+    return exact if scaled_error(exact, z) < reached or not np.isfinite(reached) else made
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
@@ -238,31 +266,55 @@ def steps_for(problem: Problem, z: np.ndarray) -> Problem:
     No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what
     is simulated at given values; a search keeps the steps that serve all its candidates.
     """
-    own = problem.predictor.stepping() if problem.predictor.has_steps else None
-    if not problem.substeps_chosen and own is not None and own.stepper == ADAPTIVE:
-        return _adaptive(problem, largest_step_error, np.asarray(z, dtype=float)[None, :], 2.0 * MESH, own.substeps, MOST_FINE)
-    if problem.substeps_chosen or not can_mesh(problem):
-        return problem
-    spreads, z = all_spreads(problem), np.asarray(z, dtype=float)
+    return steps_and_error(problem, z)[0]
+
+
+def steps_and_error(problem: Problem, z: np.ndarray) -> tuple[Problem, float | None]:
+    """As `steps_for`, and the largest error of a measured sample where no steps came to that.
+
+    It is a share of the spread of the sample's output, 1 also where it is larger or nobody knows.
+    """
+    made, error = _made_for(problem, z)
+    return made, None if error is None else min(error, 1.0) if np.isfinite(error) else 1.0
+
+
+def _made_for(problem: Problem, z: np.ndarray) -> tuple[Problem, float | None]:
+    own, z = problem.predictor.stepping() if problem.predictor.has_steps else None, np.asarray(z, dtype=float)
+    if problem.substeps_chosen or own is None:
+        return problem, None
+    if own.stepper == ADAPTIVE:
+        return _told(_adaptive(problem, largest_step_error, z[None, :], 2.0 * MESH, own.substeps, MOST_FINE), z)
+    if not can_mesh(problem):
+        return problem, None
+    spreads = all_spreads(problem)
     if _dense(problem) and not problem.mesh:
         error = step_error(problem, z)
         if error <= MESH:
-            return problem
+            return problem, None
         if _many(problem, error, MESH):
-            return _adaptive(problem, step_error, z[None, :], MESH)
+            return _adaptive(problem, step_error, z[None, :], MESH), None
     even = max(errors_at(problem, z[None, :], spreads, k)[0] for k in (1, 2, 4))
     if even <= MESH and largest_error(problem, z, spreads) <= 2.0 * MESH:
-        return problem
-    made, tolerance = problem, MESH
+        return problem, None
+    made, worst, tolerance = problem, np.inf, MESH
     for _ in range(ROUNDS):  # the error may stand in a few samples: after a peak that steps are late at
         made = _mesh_or_longer(problem, z[None, :], spreads, tolerance)
-        if _long(made):
-            return _adaptive(problem, largest_step_error, z[None, :], 2.0 * MESH, SENSITIVE, MOST_FINE)
-        worst = largest_error(made, z, spreads)
-        if not worst > 2.0 * MESH:
+        worst = np.inf if _long(made) else largest_error(made, z, spreads)
+        if worst <= 2.0 * MESH:
+            return made, None
+        if not np.isfinite(worst):
             break
         tolerance *= max(1.6 * MESH / worst, 0.1)
-    return made
+    if not _can_adapt(problem):
+        return made, worst
+    exact, error = _told(_adaptive(problem, largest_step_error, z[None, :], 2.0 * MESH, SENSITIVE, MOST_FINE), z)
+    return (made, worst) if error is not None and worst <= error else (exact, error)
+
+
+def _told(problem: Problem, z: np.ndarray) -> tuple[Problem, float | None]:
+    """The problem, and its largest step error at z where that is not small."""
+    error = largest_step_error(problem, z)
+    return problem, None if error <= 2.0 * MESH else error
 
 
 def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
@@ -279,8 +331,7 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
         small = max(share * rms, 0.1 * least(problem))
         if not problem.mesh and _many(problem, scaled_error(problem, z), small):
             return _adaptive(problem, scaled_error, z[None, :], small)
-        made = _mesh_or_longer(problem, z[None, :], problem.scales, small, quarter=True)
-        return _adaptive(problem, scaled_error, z[None, :], small, SENSITIVE, MOST_FINE) if _long(made) else made
+        return _mesh_or_adaptive(problem, _mesh_or_longer(problem, z[None, :], problem.scales, small, quarter=True), z, small)
     simulator = problem.predictor.stepping()
     more = 4 * simulator.substeps <= MOST_FINE if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
     return problem.with_simulator(simulator.refined(4)) if more else None

@@ -12,12 +12,16 @@ from plantfit.problem.accuracy.step_errors import step_errors
 from plantfit.problem.evaluate.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow
-from plantfit.simulate.check.verify import check_steps
+from plantfit.simulate.check.verify import StepError, check_steps
 from plantfit.simulate.simulator import Drive
 
 FINEST = 256
 KEPT = 40  # records followed by the tight solver that are kept
 CLOSE = 0.01  # of the cost: how far the reported one may be from that of the tight solver
+RTOL, ATOL = 1e-9, 1e-11  # of the tight solver, `ATOL` as a share of the largest size of each state
+TIGHTER = (1e-2, 1e-4)  # of these, where the simulation is not what the tight solver gives: either may be the one that is off
+SURE = 0.3  # of a difference: a change of the tight solution by less, for which it is that of the simulation
+NOTICED = 0.05  # of the residual (rms): what a simulation may be off in a recording before the tight solver is asked again
 NOTHING = 1e-5  # of the spread of the measured outputs: a residual (rms) that is nothing, as of data without noise
 
 
@@ -45,19 +49,51 @@ def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> l
     With a `tolerance` (unit of the outputs) the steps of each recording are halved until its largest error is below it, or
     they are 256. Events, dry friction, backlash and late states are followed too; where the solver cannot, `refused` says so.
     """
-    values = problem.space.physical(np.asarray(z, dtype=float))
     found = []
     for name, drive in problem.data["drive"].items():
         if isinstance(drive, Drive) and problem.predictor.has_steps:
-            found += _of_recording(problem, name, problem.space.tree(values, name), tolerance)
+            found += _of_recording(problem, name, z, tolerance)
     return found
 
 
-def _of_recording(problem: Problem, name: str, p: Any, tolerance: float | None) -> list[Verified]:
+def error_of(problem: Problem, z: np.ndarray, name: str, evaluations: int = EVALUATIONS) -> StepError:
+    """The error of one moving recording at a cube point (d,) against the tight solver.
+
+    Where it is more than 5 % of the residual, the tight solver is asked again with tolerances of 1e-11 and 1e-13, until it agrees with
+    itself: along an unstable course its own errors grow as well.
+    """
+    simulator, drive = problem.predictor.stepping(), problem.data["drive"][name]
+    p = {k: np.asarray(v) for k, v in problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name).items()}
+    error = check_steps(simulator, p, drive, tight=followed(problem, z, name, evaluations))
+    for tighter in TIGHTER:
+        if error.stopped is not None or not _noticed(problem, name, p, error):
+            break
+        again = check_steps(simulator, p, drive, tight=followed(problem, z, name, evaluations, tighter))
+        if again.stopped is not None or again.last < error.last:
+            break
+        sure = all(abs(again.rms_error[o] - e) <= SURE * again.rms_error[o] for o, e in error.rms_error.items())
+        error = again
+        if sure:
+            break
+    return error
+
+
+def _noticed(problem: Problem, name: str, p: Any, error: StepError) -> bool:
+    """Whether any output is off by more than 5 % of the residual (rms) of this recording."""
+    simulated, data = problem.outputs_over(name, p), problem.data
+    for output, off in error.rms_error.items():
+        index, measured = data["index"][name][output], data["measured"][name][output]
+        residual = simulated[output][index] - measured
+        if len(index) and not off <= NOTICED * float(np.sqrt(np.mean(residual**2))):
+            return True
+    return False
+
+
+def _of_recording(problem: Problem, name: str, z: np.ndarray, tolerance: float | None) -> list[Verified]:
     variant = problem
     while True:
         simulator = variant.predictor.stepping()
-        error = check_steps(simulator, p, variant.data["drive"][name])
+        error = error_of(variant, z, name)
         if tolerance is None or error.stopped is not None or max(error.max_error.values()) < tolerance or simulator.substeps >= FINEST:
             count = error.last - error.first + 1
             refused = None if error.stopped is None else error.stopped.sentence
@@ -110,11 +146,12 @@ class CheckedCost:
         return self.off <= CLOSE or max(self.cost_reported, self.cost_checked) <= self.floor
 
 
-def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int) -> Tight:
-    """One moving recording by the tight solver at a cube point (d,); the last ones are kept with the problem."""
-    kept, at = problem.once("followed", dict), (name, np.asarray(z, dtype=float).tobytes())
+def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int, tighter: float = 1.0) -> Tight:
+    """One moving recording by the tight solver at a cube point (d,), with its tolerances times `tighter`; the last ones are kept with the
+    problem."""
+    kept, at = problem.once("followed", dict), (name, np.asarray(z, dtype=float).tobytes(), tighter)
     key = (*at, evaluations)
-    whole = next((k for k, v in kept.items() if k[:2] == at and not (v.stopped and v.stopped.spent)), key)
+    whole = next((k for k, v in kept.items() if k[:3] == at and not (v.stopped and v.stopped.spent)), key)
     if whole in kept:
         return kept[whole]
     if key not in kept:
@@ -122,7 +159,10 @@ def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int) -> Ti
             kept.clear()
         values = problem.space.physical(np.asarray(z, dtype=float))
         p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-        kept[key] = follow(problem.predictor.stepping(), p, problem.data["drive"][name], evaluations=evaluations)
+        kept[key] = follow(
+            problem.predictor.stepping(), p, problem.data["drive"][name],
+            rtol=RTOL * tighter, atol=ATOL * tighter, evaluations=evaluations,
+        )  # fmt: skip
     return kept[key]
 
 
@@ -147,14 +187,34 @@ def checked_cost(
     `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs, and so are all but
     `recordings` where these are given.
     Of residuals that are nearly zero, 1 % of a cost is less than the solver's own tolerance; see `CheckedCost.off` for the number.
+
+    Along an unstable course small errors grow a thousandfold, those of the tight solver, too. So where the costs differ it is asked again
+    with tolerances of 1e-11 and 1e-13, until its own cost changes by little beside the difference.
     """
     reported = np.asarray(residuals(problem, z))
+    told = _checked(problem, z, reported, evaluations, recordings, 1.0)
+    for tighter in TIGHTER:
+        if told.confirmed or not np.isfinite(told.cost_checked):
+            break
+        again = _checked(problem, z, reported, evaluations, recordings, tighter)
+        if again.samples != told.samples or not np.isfinite(again.cost_checked):  # it has not come as far: nothing is compared
+            break
+        change, told = abs(again.cost_checked - told.cost_checked), again
+        if change <= SURE * abs(again.cost_reported - again.cost_checked):
+            break
+    return told
+
+
+def _checked(
+    problem: Problem, z: np.ndarray, reported: np.ndarray, evaluations: int, recordings: Collection[str] | None, tighter: float
+) -> CheckedCost:
+    """`checked_cost` by the tight solver with its tolerances times `tighter`; `reported` (m,) are the scaled residuals as simulated."""
     tight, begin, stopped, spent = reported.copy(), 0, {}, 0
     for name, drive in problem.data["drive"].items():
         moving = isinstance(drive, Drive) and problem.predictor.has_steps
         found, chosen = None, recordings is None or name in recordings
         if moving and chosen:
-            found = followed(problem, z, name, evaluations)
+            found = followed(problem, z, name, evaluations, tighter)
             spent += found.evaluations
             if found.stopped is not None and not found.stopped.spent:
                 stopped[name] = found.stopped

@@ -12,6 +12,7 @@ from plantfit.problem.problem import Problem
 ROUNDS = 10  # of estimating scales and searching with them
 SETTLED = 1e-4  # relative change of every scale that ends the rounds
 EXACT = 1e-10  # of an output's spread: residuals this small are rounding, and no scale goes below
+FEW = 0.01  # of the spread of an output with no more samples than parameters, below which no scale goes
 
 
 def open_scales(problem: Problem) -> tuple[str, ...]:
@@ -25,12 +26,17 @@ def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarr
     Each scale becomes the root mean square of its residuals and the search goes on, until nothing changes: for independent
     residuals that is the maximum of the likelihood over parameters and scales (Seber and Wild 1989, Nonlinear Regression, sec.
     11.4), and each of the two steps raises it, so that the rounds cannot go round in a circle.
+
+    That likelihood has no maximum where an output has no more samples than there are free parameters: with a scale that goes to zero these
+    samples are followed exactly, at any cost to the other outputs. Such a scale stays at 1 % of the output's spread at least.
     """
     names = open_scales(problem)
     for k in range(1, ROUNDS + 1) if names else ():
         scales = residual_scales(problem, z, names)
         settled = all(abs(scales[o] - problem.scales[o]) <= SETTLED * problem.scales[o] for o in names)
-        problem = problem.with_scales(scales, ScaleSource("residuals", k, settled))
+        few = {o for o in names if scales[o] <= least_scale(problem, o) and _few(problem, o)}
+        problem = problem.with_scales({o: s for o, s in scales.items() if o not in few}, ScaleSource("residuals", k, settled))
+        problem = problem.with_scales({o: scales[o] for o in few}, ScaleSource("few samples", k, settled)) if few else problem
         if settled:
             break
         z = search(problem, z)
@@ -41,15 +47,30 @@ def residual_scales(problem: Problem, z: np.ndarray, names: Sequence[str]) -> di
     """Root mean square of the residuals of each of these outputs at the cube point z (d,), in its unit."""
     residuals, start = points.residuals(problem, z), 0
     squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
-    measured: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
     for recording in problem.data["drive"]:
         for output in problem.outputs:
-            y = problem.data["measured"][recording][output]
-            squares[output].append(residuals[start : start + len(y)] ** 2)
-            measured[output].append(y)
-            start += len(y)
-    least = {o: max(1e-12, EXACT * float(np.std(np.concatenate(measured[o])))) for o in names}
-    return {o: max(least[o], problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(squares[o]))))) for o in names}
+            count = len(problem.data["measured"][recording][output])
+            squares[output].append(residuals[start : start + count] ** 2)
+            start += count
+    return {o: max(least_scale(problem, o), problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(squares[o]))))) for o in names}
+
+
+def least_scale(problem: Problem, output: str) -> float:
+    """The scale of an output, in its unit, below which no estimate goes."""
+    y = np.concatenate(_measured(problem, output))
+    spread = float(np.std(y))
+    if _few(problem, output):
+        return FEW * (spread or float(np.max(np.abs(y), initial=0.0))) or 1e-12
+    return max(1e-12, EXACT * spread)
+
+
+def _few(problem: Problem, output: str) -> bool:
+    """Whether an output has no more samples than the problem has free parameters."""
+    return sum(map(len, _measured(problem, output))) <= problem.space.dimension
+
+
+def _measured(problem: Problem, output: str) -> list[np.ndarray]:
+    return [own[output] for own in problem.data["measured"].values()]
 
 
 def who_chose(source: ScaleSource) -> str:
@@ -60,7 +81,12 @@ def who_chose(source: ScaleSource) -> str:
     return _WORDS[source.kind]
 
 
-_WORDS = {"given": "given", "spread": "standard deviation of the record", "unit": "the only output, so that its scale changes nothing"}
+_WORDS = {
+    "given": "given",
+    "spread": "standard deviation of the record",
+    "unit": "the only output, so that its scale changes nothing",
+    "few samples": "1 % of its spread: it has no more samples than there are free parameters, so that its noise cannot be told",
+}
 
 
 def weight_rows(problem: Problem) -> list[Weight]:

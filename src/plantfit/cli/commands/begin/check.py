@@ -19,12 +19,12 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     from plantfit import spec as specs
 
     study = specs.load(spec)  # first, since the rooms below load jax
-    from plantfit.problem.accuracy.steps import choose_substeps, steps_for
+    from plantfit.problem.accuracy.steps import choose_substeps, steps_and_error
     from plantfit.problem.accuracy.verification import point
 
     problem = choose_substeps(study.problem)
     z = point(problem, numbers_by_name("--at", at))
-    problem = steps_for(problem, z)
+    problem, error = steps_and_error(problem, z)
     from plantfit.trust.looks import problem_looks
     from plantfit.trust.looks.input_steps import input_steps, step_looks
 
@@ -32,6 +32,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         **_understood(study, problem),
         "data": [*_of_regression(study), *(look.record for look in (*problem_looks(problem), *step_looks(problem, input_steps(problem))))],
         **_simulated(problem, z),
+        "step_error": error,
     }
     from plantfit.trust.identify.before_fit import before_fit
 
@@ -52,6 +53,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         return print_json(record)
     _say_understood(problem, record)
     _say_simulated(problem, record, at, tolerance)
+    say_inexact(error)
     say_looks(record["data"])
     for told in (record["identifiable"] or {}).get("sentences", []):
         say_looks([{**told, "write": None}])
@@ -101,6 +103,18 @@ def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
         mark, colour = ("!", "yellow") if look["level"] == "warning" else ("i", "cyan")
         out.print(f"[{colour}]{mark}[/{colour}] ", end="")
         out.print(look["sentence"] + (f" Write: {look['write']}" if look["write"] else ""), markup=False)
+
+
+def say_inexact(error: float | None) -> None:
+    """That no steps made a simulation as exact as they should; `error` is a share of the spread of an output, None where they did."""
+    if error is None:
+        return
+    size = f"about {100 * error:.2g} % of the spread of an output" if error < 1.0 else "as large as the outputs move, or larger"
+    text = (
+        f"No steps make this simulation exact to 0.2 %: its error is {size}, so do not use its numbers. "
+        "Look for a part that is very much quicker than the others, or for a state that grows without bound."
+    )
+    say_looks([{"level": "warning", "sentence": text, "write": None}])
 
 
 def _simulated(problem: Any, z: "np.ndarray") -> dict[str, Any]:

@@ -20,7 +20,8 @@ def predict(
     """Write measured and simulated outputs over a whole recording, with bands at `level` where it is given."""
     from plantfit import recording as rec
     from plantfit import spec as specs
-    from plantfit.problem.accuracy.steps import choose_substeps, steps_for
+    from plantfit.cli.commands.begin.check import say_inexact
+    from plantfit.problem.accuracy.steps import choose_substeps, steps_and_error
 
     loaded = specs.load(spec)
     share = None if level is None else fraction("--level", level)
@@ -29,7 +30,7 @@ def predict(
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)
     vector = problem.space.vector(named)
-    problem = steps_for(problem, np.asarray(problem.space.cube(vector)))
+    problem, error = steps_and_error(problem, np.asarray(problem.space.cube(vector)))
     name = recording or next(iter(problem.experiments))
     predicted = problem.predict(vector, name)
     source = problem.experiments[name].recording
@@ -48,17 +49,17 @@ def predict(
     path = rec.to_csv(rec.Recording(source.t, signals, source.name), place) or place
     scores = {}
     for output, y in predicted.items():
-        error = y - source[output]
-        scores[output] = float(np.sqrt(np.nanmean(error**2)))
+        scores[output] = float(np.sqrt(np.nanmean((y - source[output]) ** 2)))
     if json:
         from plantfit.findings.results.predicted import Predicted, PredictedBands
 
-        made = Predicted(file=str(path), recording=name, parameters=named, rmse=dict(scores))
+        made = Predicted(file=str(path), recording=name, parameters=named, rmse=dict(scores), step_error=error)
         return print_json(
             made.printed(bands=PredictedBands(level=share or 0.0, held=dict(held), scatters=scatters)) if held else made.printed()
         )
     for output, rmse in scores.items():
         out.print(f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}", markup=False)
+    say_inexact(error)
     for output, part in held.items():
         out.print(f"{output}: {100 * part:.3g} % of the readings lie in the band of {100 * (share or 0):g} %.", markup=False)
     if scatters:
