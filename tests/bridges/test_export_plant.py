@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -233,8 +234,9 @@ HOSTILE = ['"""\nimport os; os.abort()\n"""', "*/\nint main(void) { abort(); }\n
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_of_users_stay_in_comments(heater, name, tmp_path):
     (given,) = heater.problem.experiments.values()
-    problem = pf.Problem(heater.problem.model, {name: given.recording}, heater.problem.space.parameters, name=name)
-    hostile = pf.fit(problem, budget=300, seed=1)
+    scales = heater.problem.scales
+    problem = pf.Problem(heater.problem.model, {name: given.recording}, heater.problem.space.parameters, scales=scales, name=name)
+    hostile = replace(heater, problem=problem)  # a fit of its own for each name would end at the same point
     texts = {to: texts_of(export_plant(hostile, to, tmp_path, name="plant")) for to in TARGETS}
     for to in ("python", "casadi", "control"):
         tree = ast.parse(texts[to][0])

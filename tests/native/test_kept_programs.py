@@ -343,6 +343,21 @@ def test_old_programs_make_room(tmp_path, monkeypatch):
     assert sorted(f.name for f in tmp_path.iterdir()) == ["3", "4", "5"]
 
 
+def test_programs_that_were_read_lately_stay(folder, monkeypatch):
+    z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
+    kept(Counted())(z, numbers)
+    own = [f.name for f in folder.iterdir() if f.name != kept_programs.AGE]
+    for name in own:
+        os.utime(folder / name, (1, 1))
+    kept(Counted())(z, numbers)
+    for k in range(2, 2 + len(own)):
+        (folder / f"{k}").write_bytes(b"x")
+        os.utime(folder / f"{k}", (k, k))
+    monkeypatch.setattr(kept_programs, "MOST_FILES", len(own))
+    kept_programs._make_room.__wrapped__(folder)
+    assert sorted(f.name for f in folder.iterdir()) == sorted(own)
+
+
 def test_programs_that_made_room_are_kept_again_and_not_read_from_xla_s_cache(tmp_path, monkeypatch):
     """XLA does not write down again what it read, so that they were traced in every process from then on."""
     folders = iter([tmp_path / "first", tmp_path / "second", tmp_path / "second"])

@@ -77,8 +77,9 @@ def test_an_input_that_rests_is_left_out():
     assert check_holds(Problem(LAG, record, substeps=1), np.array([0.3, 0.4])) == []
 
 
-def shifted(by):
-    """The input is written `by` seconds too early: it acts later than its time stamps say."""
+@cache
+def late_input():
+    """An input u(t) and the outputs (n,) that it has at the samples."""
     rng = np.random.default_rng(3)
     fine = np.interp(np.arange(-5.0, 90.0, 0.7), np.arange(-5.0, 95.0, 1.4), rng.uniform(-1, 1, 72)[: len(np.arange(-5.0, 95.0, 1.4))])
 
@@ -87,21 +88,37 @@ def shifted(by):
 
     long = DT / 20 * np.arange(20 * N)
     empty = from_arrays(long, signals={"u": u(long), "y": 0 * long})
-    y = Problem(LAG, empty, hold={"u": "linear"}, stepper="exact").predict(TRUTH)["y"][::20]
+    return u, Problem(LAG, empty, hold={"u": "linear"}, stepper="exact").predict(TRUTH)["y"][::20]
+
+
+def shifted(by):
+    """The input is written `by` seconds too early: it acts later than its time stamps say."""
+    u, y = late_input()
     return from_arrays(T, signals={"u": u(T + by), "y": y}, name="run")
+
+
+@cache
+def with_free_clock():
+    """A problem of records of this length, whose programs all of them share."""
+    free = {"clock_shift_u": (-0.5, 0.4)}
+    return Problem(LAG, shifted(0.13), free, hold={"u": "linear"}, clock_shift={"u": (-0.5, 0.5)}, skip=5.0)
 
 
 @pytest.mark.parametrize("by", [0.13, -0.21])
 def test_a_shift_between_clocks_is_a_parameter_of_either_sign(by):
-    problem = Problem(LAG, shifted(by), {"clock_shift_u": (-0.5, 0.4)}, hold={"u": "linear"}, clock_shift={"u": (-0.5, 0.5)}, skip=5.0)
-    answer = pf.fit(problem, seed=1)
+    answer = pf.fit(with_free_clock().with_recordings({"run": shifted(by)}), seed=1)
     assert answer.values["clock_shift_u"] == pytest.approx(by, abs=0.01)
     assert answer.values["tau"] == pytest.approx(0.6, rel=0.03)
-    z = np.array([0.4, 0.5, 0.3])
-    _, g = problem.value_and_gradient(z)
-    for k in range(3):
-        d = 1e-6 * np.eye(3)[k]
-        assert g[k] == pytest.approx(float(problem.cost(z + d) - problem.cost(z - d)) / 2e-6, rel=1e-4, abs=1e-9)
+
+
+def test_gradients_by_a_shift_are_those_of_the_cost():
+    problem = with_free_clock()
+    for shift in (-0.23, 0.22):
+        z = problem.space.cube(np.array([1.9, 1.5, shift]))
+        _, g = problem.value_and_gradient(z)
+        for k in range(3):
+            d = 1e-6 * np.eye(3)[k]
+            assert g[k] == pytest.approx(float(problem.cost(z + d) - problem.cost(z - d)) / 2e-6, rel=1e-4, abs=1e-9)
 
 
 def test_a_shift_that_cannot_be_known_is_refused():

@@ -72,6 +72,8 @@ def test_what_is_no_curve_is_refused_in_words(given, said):
 def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     truth, told, level, errors, least_squares, held = PLANTS[plant].truth, 0, 0, [], [], []
     for seed in (1, 2, 3):
+        if told == 2:  # of three is enough
+            break
         study, noise = drifting_study(tmp_path, plant, seed)
         answer = fit(study.problem, budget=1500)
         d = diagnose(answer.problem, answer.best.x)
@@ -93,7 +95,7 @@ def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
             errors.append(better.values[name] / value - 1.0)
             for found, error in ((better.values[name], better.standard_errors[name]), d.drifting.values[name]):
                 held.append(abs(found - value) <= 3.0 * error)
-    assert told >= 2
+    assert told == 2
     assert level >= 1  # behind the last node nobody knows it
     assert np.mean(np.square(errors)) < 0.5 * np.mean(np.square(least_squares))
     assert np.mean(held) >= 0.9
@@ -119,11 +121,13 @@ def test_what_a_drift_hides_is_named_beside_it(tmp_path):
     """A dead time that explains little of what drifts."""
     named = 0
     for seed in (1, 2, 3):
+        if named == 2:  # of three is enough
+            break
         study, _ = drifting_study(tmp_path, "first", seed, 10.0, "dead_time")
         answer = fit(study.problem, budget=1500)
         d = diagnose(answer.problem, answer.best.x)
         named += "dead_time" in [t.extension.kind for t in d.found] and d.drifting is not None
-    assert named >= 2
+    assert named == 2
 
 
 def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):

@@ -33,7 +33,9 @@ import jax
 from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-MOST_FILES = 2000  # of kept programs; beyond it the half that was not used for longest goes
+# Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew and stays in XLA's
+# cache under its old name for good, so that a bound which a day's work passes several times costs disk too.
+MOST_FILES = 10_000
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
@@ -207,9 +209,17 @@ def _read(folder: Path, key: str, args: tuple[Any, ...]) -> Callable | None:
     if content is None:
         return None
     try:
-        return _loaded(folder, _Kept(*pickle.loads(content)), args)
+        program = _loaded(folder, _Kept(*pickle.loads(content)), args)
     except Exception:  # made by another jaxlib, or its executable is gone: it is made anew
         return None
+    _used(folder / key)
+    return program
+
+
+def _used(file: Path) -> None:
+    """Note that a file was used now: `_make_room` goes by its time."""
+    with suppress(OSError):  # a cache that others made may be read only
+        os.utime(file)
 
 
 def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None:
@@ -221,6 +231,7 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
         _with_lapack()
     program = deserialize_and_load(executable, jax.tree.structure((args, {})), jax.tree.structure(kept.results))
     jax.block_until_ready(program(*args))
+    _used(folder / kept.executable)
     return program
 
 
