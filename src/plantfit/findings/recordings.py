@@ -74,9 +74,11 @@ class Weight(Record):
     output: str
     unit: str | None = None
     scale: Number
-    chosen: Literal["given", "unit", "spread", "residuals", "few samples"]
+    chosen: Literal["given", "unit", "spread", "residuals"]
     who: str = ""
     rounds: int = 0
     """Of estimating it from the residuals."""
     settled: bool = True
     """Whether the last round changed nothing."""
+    few: bool = False
+    """Whether it is the least scale, of an output with no more samples than there are free parameters."""

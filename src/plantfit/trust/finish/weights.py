@@ -96,10 +96,11 @@ def weight_rows(problem: Problem) -> list[Weight]:
             output=o,
             unit=problem.model.outputs[o],
             scale=float(problem.scales[o]),
-            chosen=problem.scale_sources[o].kind,
+            chosen=kind if (kind := problem.scale_sources[o].kind) != "few samples" else "residuals",
             who=who_chose(problem.scale_sources[o]),
             rounds=problem.scale_sources[o].rounds,
             settled=problem.scale_sources[o].settled,
+            few=problem.scale_sources[o].kind == "few samples",
         )
         for o in problem.outputs
     ]

@@ -19,7 +19,7 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     text = f"Residuals that count as 1: {', '.join(told)}{more}."
     if changing:
         text += " Give scales where an output can be followed exactly: its weight grows without end."
-    few = [row["output"] for row in rows if row["chosen"] == "few samples"]
+    few = [row["output"] for row in rows if row.get("few")]
     if few:
         text += f" Give {'a scale' if len(few) == 1 else 'scales'} for {', '.join(few[:LISTED])} if you know the size of the errors."
     yield say("warning" if changing or few else "info", text)
