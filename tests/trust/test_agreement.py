@@ -234,6 +234,36 @@ def test_answers_that_are_different_models_are_told_apart():
     assert not findings["agreement"]["symmetries"]
 
 
+def absorbed(noise: float, seed: int, runs: int) -> Answer:
+    """A dose that is absorbed and eliminated: with the rates exchanged another volume gives the same curve ("flip-flop" kinetics)."""
+    t = np.linspace(0.0, 10.0, 40)
+    text = "y = ka/(V*(ka - k + 1e-9))*(exp(-k*u) - exp(-ka*u))"
+    declared = {n: {"bounds": b} for n, b in {"ka": (0.05, 5.0), "k": (0.05, 5.0), "V": (0.05, 5.0)}.items()}
+    model = equations(text, inputs=["u"], outputs=["y"], parameters=declared)
+    y = 1.5 * (np.exp(-0.5 * t) - np.exp(-1.5 * t)) + noise * np.random.default_rng(seed).normal(size=len(t))
+    return fit(Problem(model, Recording(t, {"u": Signal(t), "y": Signal(y)})), runs=runs, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_another_answer_that_one_run_met_is_told(seed):
+    """Two optima far apart in the box, both sharp; a range from one to the other says nothing of the gap between them."""
+    findings = absorbed(0.003, seed, 1).findings
+    (sentence,) = told(findings, "2 different answers fit equally well")
+    assert "run" not in sentence
+    one, other = (a["parameters"] for a in findings["agreement"]["answers"])
+    assert other["ka"] == pytest.approx(one["k"], rel=0.01)
+    assert other["V"] == pytest.approx(one["V"] * one["k"] / one["ka"], rel=0.01)
+    assert told(findings, "ended at the best cost")
+    assert not told(findings, "worse one")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_valley_that_searches_of_one_run_met_is_no_other_answer(seed):
+    findings = fit(product(known=False, seed=seed), seed=seed).findings
+    assert len(findings["agreement"]["answers"]) == 1
+    assert not told(findings, "different answers")
+
+
 def test_a_perfect_fit_is_agreed_on_to_rounding():
     t = np.linspace(0.0, 3.0, 40)
     model = equations("y = a*exp(-b*u)", inputs=["u"], outputs=["y"], parameters={n: {"bounds": (0.1, 9.0)} for n in "ab"})

@@ -61,6 +61,7 @@ class DistinctAnswer(Record):
     """An answer of the lowest cost that is not the same model as the others."""
 
     runs: int
+    """That ended there; 0: local searches within them met it, and it fits equally well."""
     parameters: dict[str, Number] = {}
 
 

@@ -9,21 +9,27 @@ from plantfit.errors import Status
 from plantfit.findings.record import Number
 from plantfit.findings.runs import Agreement, DistinctAnswer, SameModel
 from plantfit.optimize.contract import RunResult
+from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
-from plantfit.study.comparing.basins import Basin, optima
+from plantfit.study.comparing.basins import APART, Basin, optima
 from plantfit.study.comparing.symmetry import NEAR, Symmetry, same_by_symmetry
+from plantfit.trust.finish.descent import gauss_newton
 from plantfit.trust.finish.final_problem import CUT, LEFT, rounding
+from plantfit.trust.intervals.ranges import plain_space
 
 SAME = 1e-6  # relative difference of costs that counts as the same
 OUTSIDE = 1e-9  # of a value: what rounding may carry an answer outside of an interval
 COMPARED = 12  # distinct answers that are looked at for exchanges and signs
+TWINS, REFINED = 4, 10  # ends of searches within a run that are searched on at most, and Gauss-Newton steps of each
+ALIKE = 1.0  # twice the difference of log-likelihoods up to which two answers fit equally well
+SEPARATE = 8.0  # standard errors between two answers, by the wider one's, from which on no valley joins them
 
 
 def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
     """The section "agreement" of the findings record.
 
     A run reaches the reported answer when its own search came to its end at the lowest cost, to a millionth or to rounding. Of
-    these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers the same, also where all runs
+    these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers the same, both also where all runs
     report one of them and only their local searches met the others.
     """
     costs = np.array([r.cost for r in runs])
@@ -47,7 +53,10 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
         cut=sum(r.extra.get("ended") == CUT for r in runs),
         left=sum(r.extra.get("ended") == LEFT for r in runs),
         ended=runs[int(np.argmin(costs))].extra.get("ended", ""),
-        answers=[DistinctAnswer(runs=len(g.members), parameters=named(problem, g.x)) for g in groups],
+        answers=[
+            *(DistinctAnswer(runs=len(g.members), parameters=named(problem, g.x)) for g in groups),
+            *(DistinctAnswer(runs=0, parameters=named(problem, z)) for z in _twins(problem, [runs[k] for k in reached], groups)),
+        ],
         symmetries=[
             SameModel(sentence=s.sentence, source={n: names[k] for n, k in zip(names, s.source, strict=True)}, sign=list(s.sign))
             for s in found
@@ -84,6 +93,47 @@ def _with_others(problem: Problem, found: Sequence[Symmetry], x: np.ndarray, els
             if (symmetry := same_by_symmetry(problem, x[0], z)) is not None:
                 maps.setdefault(symmetry.sentence, symmetry)
     return list(maps.values())
+
+
+def _twins(problem: Problem, reached: Sequence[RunResult], groups: Sequence[Basin]) -> list[np.ndarray]:
+    """Optima (d,) that only local searches within the runs met, and that fit as well as the answer of the first of the `groups`.
+
+    A valley is not told: along it standard errors are as wide as the way from one end to the other. Nor is what an exchange or a sign
+    makes the same model. A search knows its optima with the steps and weights that it had, so each is searched on here.
+    """
+    if not groups or not plain_space(problem):
+        return []
+    answer = groups[0].x
+    square, error = _known(problem, answer)
+    found: list[np.ndarray] = []
+    met = [np.asarray(z, dtype=float) for key in ("elsewhere", "nearly") for r in reached for z in r.extra.get(key, ())]
+    looked = 0
+    for end in met:
+        if looked == TWINS or not np.any(np.abs(end - answer) > SEPARATE * error):
+            continue
+        looked += 1
+        z = gauss_newton(problem, end, REFINED)
+        if any(np.max(np.abs(z - other)) <= APART for other in (*(g.x for g in groups), *found)):
+            continue
+        own, beside = _known(problem, z)
+        alike = abs(np.log(max(own[0], 1e-300) / max(square[0], 1e-300))) * own[1] <= ALIKE
+        apart = np.any(np.abs(z - answer) > SEPARATE * np.maximum(error, beside))
+        if alike and apart and not any(same_by_symmetry(problem, g.x, z) for g in groups):
+            found.append(z)
+    return found
+
+
+def _known(problem: Problem, z: np.ndarray) -> tuple[tuple[float, int], np.ndarray]:
+    """The sum of squares and the number of residuals at a cube point (d,), and standard errors (d,) there, infinite where nothing tells."""
+    residuals, jacobian = residuals_and_jacobian(problem, z)
+    square, count = float(residuals @ residuals), len(residuals)
+    size = np.linalg.norm(jacobian, axis=0)
+    if not (np.isfinite(square) and np.all(np.isfinite(jacobian)) and np.all(size > 0) and count > len(z)):
+        return (square, count), np.full(len(z), np.inf)
+    _, s, right = np.linalg.svd(jacobian / size, full_matrices=False)
+    if s[-1] <= 1e-7 * s[0]:
+        return (square, count), np.full(len(z), np.inf)
+    return (square, count), np.linalg.norm(right.T / s, axis=1) / size * np.sqrt(square / (count - len(z)))
 
 
 def opened(rows: list[dict[str, Any]], ranges: Mapping[str, Sequence[float]]) -> list[dict[str, Any]]:

@@ -58,10 +58,17 @@ def _answers(told: Mapping[str, Any]) -> Iterator[Sentence]:
         yield say("info", f"Answers at several places are one: {s['sentence']}.")
     answers = told["answers"]
     if len(answers) > 1:
-        shown = [f"{_values(a, answers)} ({a['runs']} run{'s' if a['runs'] > 1 else ''})" for a in answers[:TOLD]]
+        shown = [f"{_values(a, answers)}{_of_runs(a['runs'], told['runs'])}" for a in answers[:TOLD]]
         more = f", and {len(answers) - TOLD} more" if len(answers) > TOLD else ""
         text = f"{len(answers)} different answers fit equally well: {'; '.join(shown)}{more}. The data do not tell them apart."
         yield say("warning", text, answers=len(answers))
+
+
+def _of_runs(own: int, runs: int) -> str:
+    """How many of several runs ended at an answer."""
+    if runs == 1:
+        return ""
+    return f" ({own} run{'s' if own > 1 else ''})" if own else " (local searches within the runs)"
 
 
 def _values(answer: Mapping[str, Any], answers: Sequence[Mapping[str, Any]]) -> str:

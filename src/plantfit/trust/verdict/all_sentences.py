@@ -41,7 +41,9 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
 
 
 def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
-    yield from search_sentences(best.extra, any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"]))
+    flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
+    several = len((findings.get("agreement") or {}).get("answers", ())) > 1
+    yield from search_sentences(best.extra, flat, several)
     yield from agreement_sentences(findings)
 
 

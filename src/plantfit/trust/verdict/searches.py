@@ -11,11 +11,11 @@ NOTHING = 1e-12  # of a scaled cost
 UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
 
 
-def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[Sentence]:
+def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
-    costs far above the best are in no valley with it, whatever is open at the answer.
+    costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
@@ -28,8 +28,10 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False) -> Iterator[S
         more = "where parameters are not determined, a larger budget does not help" if flat else "give a larger one"
         yield say("warning", f"No local search came to its end within the budget: {more}.")
         return
-    text = f"{_count(hits, starts)} from different starts ended in the best optimum"
-    if hits and optima > 1:
+    text = f"{_count(hits, starts)} from different starts ended {'at the best cost' if several else 'in the best optimum'}"
+    if hits and optima > 1 and several:
+        text += f", the others at {optima - 1} higher {'one' if optima == 2 else 'ones'}"
+    elif hits and optima > 1:
         text += f", the others in {optima - 1} worse {'one' if optima == 2 else 'ones'}"
     if hits < AGREE and flat and _in_the_valley(extra):
         yield say(
