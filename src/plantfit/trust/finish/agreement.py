@@ -21,6 +21,7 @@ SAME = 1e-6  # relative difference of costs that counts as the same
 OUTSIDE = 1e-9  # of a value: what rounding may carry an answer outside of an interval
 COMPARED = 12  # distinct answers that are looked at for exchanges and signs
 TWINS, REFINED = 4, 10  # ends of searches within a run that are searched on at most, and Gauss-Newton steps of each
+LARGEST = 2_000_000  # entries of the Jacobian of a problem, beyond which they are not: each takes seconds
 ALIKE = 1.0  # twice the difference of log-likelihoods up to which two answers fit equally well
 SEPARATE = 8.0  # standard errors between two answers, by the wider one's, from which on no valley joins them
 
@@ -101,13 +102,14 @@ def _twins(problem: Problem, reached: Sequence[RunResult], groups: Sequence[Basi
     A valley is not told: along it standard errors are as wide as the way from one end to the other. Nor is what an exchange or a sign
     makes the same model. A search knows its optima with the steps and weights that it had, so each is searched on here.
     """
-    if not groups or not plain_space(problem):
+    met = [np.asarray(z, dtype=float) for key in ("elsewhere", "nearly") for r in reached for z in r.extra.get(key, ())]
+    if not groups or not met or not plain_space(problem) or problem.separable is not None:
         return []
-    answer = groups[0].x
+    if sum(problem.parts.counts.values()) * problem.space.dimension > LARGEST:
+        return []
+    answer, looked = groups[0].x, 0
     square, error = _known(problem, answer)
     found: list[np.ndarray] = []
-    met = [np.asarray(z, dtype=float) for key in ("elsewhere", "nearly") for r in reached for z in r.extra.get(key, ())]
-    looked = 0
     for end in met:
         if looked == TWINS or not np.any(np.abs(end - answer) > SEPARATE * error):
             continue
