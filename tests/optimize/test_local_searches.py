@@ -12,7 +12,7 @@ from plantfit.optimize import minimise
 from plantfit.optimize.local.basins import Basins
 from plantfit.optimize.local.one_search import Found
 from plantfit.optimize.local.side_by_side import LocalSearches, Start, one_after_another
-from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.counter import ALONE, Counter
 from plantfit.testing.objectives import from_residuals
 
 import jax
@@ -69,6 +69,20 @@ def test_charges_are_those_of_the_points():
     [r] = minimise(objective, "least_squares", budget=int(budget), seed=1, settings={**TOGETHER, "agree": 1_000_000})
     assert r.status == "budget"
     assert r.evaluations == 33 * objective.jacobian_charge
+
+
+def test_a_long_search_of_one_point_after_another_is_not_filled_up():
+    objective, calls = batched(decays, 2)
+    counter, zs = Counter(objective, np.inf), np.random.default_rng(3).uniform(size=(ALONE + 2, 2))
+    alone = [counter.rows(z[None], 8) for z in zs]
+    both = counter.rows(zs[:2], 8)
+    counter.rows(zs[:1], 8)
+    assert calls == [8] * ALONE + [1, 1] + [8, 8]
+    assert counter.spent == (ALONE + 5) * objective.jacobian_charge
+    assert both.r.shape == (2, 60)
+    for k in (0, ALONE + 1):
+        np.testing.assert_allclose(alone[k].r[0], decays(zs[k]), rtol=1e-12)
+        np.testing.assert_allclose(alone[k].jacobian[0], jax.jacfwd(decays)(zs[k]), rtol=1e-12)
 
 
 def test_starts_that_cannot_be_simulated_are_skipped():

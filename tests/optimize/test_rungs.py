@@ -107,11 +107,11 @@ def test_starts_next_to_the_best_come_after_the_rest_of_the_box():
     rng = np.random.default_rng(0)
     near, wide = 0.5 + 0.01 * rng.standard_normal((30, 2)), rng.random((30, 2))
     points, costs = np.vstack([near, wide]), np.r_[np.linspace(0, 1, 30), np.linspace(2, 3, 30)]
-    order = far_apart(points, costs)
+    order = list(far_apart(points, costs))
     assert sorted(order) == list(range(60))
     assert order[0] == 0
     assert sum(i < 30 for i in order[:8]) == 1
-    assert far_apart(points, np.where(np.arange(60) == 3, np.inf, costs)).count(3) == 0
+    assert list(far_apart(points, np.where(np.arange(60) == 3, np.inf, costs))).count(3) == 0
 
 
 @pytest.mark.parametrize(("n", "d"), [(0, 3), (1, 1), (300, 2), (400, 9)])
@@ -125,4 +125,4 @@ def test_the_order_of_starts_is_that_of_its_definition(n, d):
             if all(np.linalg.norm(points[i] - points[j]) > share * np.sqrt(d / 6) for j in [*chosen, *alone]):
                 alone.append(i)
         chosen, left = [*chosen, *alone], [i for i in left if i not in alone]
-    assert far_apart(points, costs) == [*chosen, *left]
+    assert list(far_apart(points, costs)) == [*chosen, *left]

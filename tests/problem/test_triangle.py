@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from plantfit.problem.evaluate import triangle as module
 from plantfit.problem.evaluate.triangle import ROWS, triangle
+from plantfit.study import objective
 
 SHAPES = [(3, 7), (7, 3), (ROWS, 5), (2 * ROWS + 1, 1), (2 * ROWS + 1, 12), (5000, 32), (3000, 64), (1000, 90), (600, 0)]
 
@@ -57,3 +59,21 @@ def test_a_column_beside_has_the_bits_of_one_among_the_others(m):
     rng = np.random.default_rng(4)
     rows, beside = rng.normal(size=(m, 6)) * 10.0 ** rng.integers(-210, 3, size=(m, 6)), rng.normal(size=m)
     assert np.array_equal(triangle(rows, beside), triangle(np.column_stack([rows, beside])))
+
+
+def test_a_point_that_fills_up_a_batch_has_the_rows_of_the_first_without_a_decomposition(monkeypatch):
+    rng, decomposed = np.random.default_rng(1), []
+
+    def counted(*pair):
+        decomposed.append(pair)
+        return module.triangle(*pair)
+
+    monkeypatch.setattr(objective, "triangle", counted)
+    zs, r, jacobian = rng.random((3, 4)), rng.normal(size=(3, 50)), rng.normal(size=(3, 50, 4))
+    filled = [0, 1, 2, 0, 0]
+    few, slopes = objective._in_few_rows(zs[filled], r[filled], jacobian[filled])
+    assert len(decomposed) == 3
+    for k, i in enumerate(filled):
+        whole = np.sqrt(5 / 50) * triangle(jacobian[i], r[i])
+        assert np.array_equal(few[k], whole[:, 4])
+        assert np.array_equal(slopes[k], whole[:, :4])

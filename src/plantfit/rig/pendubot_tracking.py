@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -119,7 +119,7 @@ class PendubotTracking:
         return self._pendubot(("viscous", "coulomb"))
 
     def _pendubot(self, friction: tuple[str, ...]) -> Model:
-        return pendubot("base", gear_ratio=self.gear, friction=friction, l1=self.l1, g=self.g)
+        return _pendubot(friction, self.gear, self.l1, self.g)
 
     @property
     def _base(self) -> dict[str, float]:
@@ -132,7 +132,7 @@ class PendubotTracking:
 
     def _torque_plant(self, motor: Mapping[str, float]) -> LinearPlant:
         """About the upright; Coulomb friction has no slope there that a linear design should know."""
-        return linearised(self._pendubot(("viscous",)), self._values(motor), {"theta1": UPRIGHT})
+        return _upright(self.gear, self.l1, self.g, tuple(self._values(motor).items()))
 
     def _filter(self, motor: Mapping[str, float]) -> Estimator:
         return kalman_observer(self._torque_plant(motor), self.period, self.wander, 2 * np.pi / self.counts / np.sqrt(12.0))
@@ -142,3 +142,13 @@ class PendubotTracking:
         rotor = self.gear**2 * (motor["Jm"] * accelerations[:, 0] + motor["Cm"] * states[:, 2])
         names = ("theta1", "theta2", "omega1", "omega2")
         return {n: states[:, k] for k, n in enumerate(names)} | {"tau1": torque + rotor}
+
+
+def _pendubot(friction: tuple[str, ...], gear: float, l1: float, g: float) -> Model:
+    return pendubot("base", gear_ratio=gear, friction=friction, l1=l1, g=g)
+
+
+@lru_cache(maxsize=32)
+def _upright(gear: float, l1: float, g: float, values: tuple[tuple[str, float], ...]) -> LinearPlant:
+    # motors that differ in their winding have the same one, and to linearise takes as long as to simulate a run
+    return linearised(_pendubot(("viscous",), gear, l1, g), dict(values), {"theta1": UPRIGHT})

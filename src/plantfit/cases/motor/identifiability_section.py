@@ -32,7 +32,7 @@ def identifiability_section(problem: Problem, two_errors: Problem, constants: Ma
     picked = [LABELS.index(n) for n in found.labels]
     opened = openings(found, law.covariance[0][np.ix_(picked, picked)], point, candidates())
     values, errors = law.values[0], np.sqrt(np.diag(law.covariance[0]))
-    true = coefficients(TRUTH)
+    true, along = coefficients(TRUTH), _moving_kb(two_errors, curves)
     rows = [
         [text, u, f"{v:.5g}", number(1.96 * e), f"{t:.5g}"] for text, u, v, e, t in zip(LABELS, UNITS, values, errors, true, strict=True)
     ]
@@ -43,14 +43,16 @@ def identifiability_section(problem: Problem, two_errors: Problem, constants: Ma
             f"With Kt free: {apart.open} flat directions of {len(apart.names)} parameters, because Kt, Jm, Cm and Tf can grow together.",
             f"Rm Tf/K is {1e3 * true[LAW.index('f')]:.1f} mV at the truth, a thirtieth of a step of the bridge: below its interval.",
             *(c.sentence for c in curves),
-            *_along_sentence(two_errors, curves),
+            *_along_sentence(*along),
             *opened.sentences,
         ],
         "tables": [
             {"caption": "What is determined", "columns": ["combination", "unit", "estimate", "± 95 %", "truth"], "rows": rows},
             opened.table(),
         ],
-        "figures": [{"figure": _along(two_errors, curves), "label": "Both errors of J along a flat curve: e1 stays, e2 falls with Kb"}],
+        "figures": [
+            {"figure": along_figure(*along, TRUTH["Kb"]), "label": "Both errors of J along a flat curve: e1 stays, e2 falls with Kb"}
+        ],
     }
 
 
@@ -74,12 +76,7 @@ def _moving_kb(problem: Problem, curves: tuple[FlatCurve, ...]) -> tuple[np.ndar
     return points[:, curve.names.index("Kb")], parts[:, 0], parts[:, 1]
 
 
-def _along(problem: Problem, curves: tuple[FlatCurve, ...]) -> dict[str, Any]:
-    return along_figure(*_moving_kb(problem, curves), TRUTH["Kb"])
-
-
-def _along_sentence(problem: Problem, curves: tuple[FlatCurve, ...]) -> list[str]:
-    kb, e1, e2 = _moving_kb(problem, curves)
+def _along_sentence(kb: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> list[str]:
     low, high = int(np.argmin(kb)), int(np.argmax(kb))
     return [
         f"Along the curve on which Kb goes from {number(kb[low])} to {number(kb[high])}, e1 stays between {e1.min():.4g} and "

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -129,7 +130,7 @@ class Auto:
         return counter.projected_costs(points[:, counter.projected.kept])
 
     @staticmethod
-    def _order(counter: Counter, spread: Spread, points: np.ndarray, costs: np.ndarray) -> list[int]:
+    def _order(counter: Counter, spread: Spread, points: np.ndarray, costs: np.ndarray) -> Iterator[int]:
         """Numbers of the sample's points, as starts; only coordinates that are searched keep them apart."""
         places = spread.places(points)
         return far_apart(places if counter.projected is None else places[:, counter.projected.kept], costs)
@@ -155,16 +156,16 @@ class Auto:
         point, a new point of the spread. A second, larger sample is drawn when twice `searches` starts met several optima."""
         order = self._order(counter, spread, points, costs)
         warm = [] if objective.start is None else list(np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0))
-        first = [Start(points[i]) for i in order[: self.searches]]
+        first = [Start(points[i]) for i in islice(order, self.searches)]
         yield from [*first[:1], *(Start(x, asked=True) for x in warm), *first[1:]]
-        later, given, fresh = iter(order[self.searches :]), self.searches, self.second > 0.0
+        later, given, fresh = order, self.searches, self.second > 0.0
         while True:
             if fresh and given >= 2 * self.searches and basins.several and together:
                 fresh = False
                 # half of what is left is for the searches that begin there
                 allowed = min(self.second * budget, 0.5 * counter.remaining)
                 points, costs = self._sample(objective, allowed, counter, spread, rng, large=True)
-                later = iter(self._order(counter, spread, points, costs))
+                later = self._order(counter, spread, points, costs)
             following = next(later, None)
             if following is not None:
                 given += 1

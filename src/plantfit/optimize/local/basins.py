@@ -34,6 +34,7 @@ class Basins:
         self._ends: list[tuple[float, np.ndarray]] = []
         self._cut: list[float] = []
         self._unknown = 0  # independent searches that were cut off
+        self._kept_for: Any = None  # on what `elsewhere` and `nearly` depend
 
     @property
     def hits(self) -> int:
@@ -134,5 +135,9 @@ class Basins:
         self.extra["unseen"] = self.unseen
         if np.isfinite(self.best):
             self.extra["basin_cost"] = self.best
+        # most searches that are booked or go on were cut off, and change none of these points
+        if self._kept_for == (kept_for := (len(self._ends), self.best, self._same(self.best))):
+            return
+        self._kept_for = kept_for
         self.extra["elsewhere"] = self._apart(self._same(self.best))
         self.extra["nearly"] = [x for x in self._apart(NEARLY * self.best) if x not in self.extra["elsewhere"]]

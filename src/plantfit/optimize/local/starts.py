@@ -98,25 +98,24 @@ class Spread:
         return np.where(self.wide, (here - low) / np.where(self.wide, high - low, 1.0), z)
 
 
-def far_apart(points: np.ndarray, costs: np.ndarray) -> list[int]:
+def far_apart(points: np.ndarray, costs: np.ndarray) -> Iterator[int]:
     """Indices of finite points (n, d) in the order in which searches should begin there.
 
     First those farther from every better one of them than a quarter of the mean random distance sqrt(d / 6), best first; of the
     others those farther than half of that from all before them, and so on: many small basins next to the best one do not keep
-    searches from the rest of the box.
+    searches from the rest of the box. They are worked out as they are asked for: of a large sample few are.
     """
     left = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
-    chosen: list[int] = []
     columns = np.ascontiguousarray(points.T)
     nearest, apart = np.full(len(points), np.inf), np.empty_like(columns)  # squared distance of every point to what is chosen
     for share in APART:
         limit, others = share**2 * points.shape[1] / 6, []
         for i in left:
             if nearest[i] > limit:
-                chosen.append(i)
+                yield i
                 np.subtract(columns, points[i][:, None], out=apart)
                 np.minimum(nearest, np.einsum("dn,dn->n", apart, apart), out=nearest)
             else:
                 others.append(i)
         left = others
-    return [*chosen, *left]
+    yield from left

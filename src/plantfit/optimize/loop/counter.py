@@ -16,6 +16,7 @@ import jax
 Group = tuple[np.ndarray, np.ndarray]  # residuals (k,) and derivatives (k, q) of a separable group
 
 CHUNKS = (64, 16)  # candidates per compiled evaluation: two shapes for any number of points
+ALONE = 200  # points in a row that came alone, from which on those that fill up cost more than to compile without them
 
 
 class BudgetSpent(Exception):
@@ -72,7 +73,7 @@ class Counter:
         self.extra: dict[str, Any] = {}
         self.rank: Callable[[np.ndarray], float] | None = None
         self.projected: Projected | None = None  # set by a method that solves for what is affine
-        self._best_rank = np.inf
+        self._best_rank, self._alone = np.inf, 0
         self._target, self._stop, self._report = target, stop, report
 
     @property
@@ -128,11 +129,13 @@ class Counter:
     def rows(self, x: np.ndarray, width: int) -> Rows:
         """Residuals and derivatives at n points (n, d) in rows, at most `width` points; a failed point has NaN residuals.
 
-        The objective sees `width` points every time, filled up with the first, so that it is compiled once.
+        The objective sees `width` points every time, filled up with the first, so that it is compiled once; of a long search of
+        one point after another it sees the points as they come.
         """
         assert self.objective.batch_rows is not None
         self._charge(len(x) * self.objective.jacobian_charge)
-        r, jacobian = self.objective.batch_rows(_filled(x, width))
+        self._alone = self._alone + 1 if len(x) == 1 else 0
+        r, jacobian = self.objective.batch_rows(_filled(x, 1 if self._alone > ALONE else width))
         return self._taken(Rows(r, jacobian, x), self.objective.jacobian_charge, len(x))
 
     def projected_rows(self, x: np.ndarray, below: np.ndarray | None = None) -> Rows:
