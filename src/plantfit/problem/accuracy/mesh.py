@@ -366,6 +366,7 @@ def _levels(found: Effects, tolerance: float) -> np.ndarray | None:
     parts = (found.rms / np.sum(found.share) * np.sum(root) / (AIM * tolerance)) ** (1.0 / q) * root
     if found.rms > FAR * tolerance:
         parts = np.minimum(parts, WORST * root / np.max(root))
+    parts = np.where(np.isfinite(parts), parts, 0.0)  # nothing is known of such a step
     levels = np.maximum(np.round(np.log2(np.maximum(parts, 1e-3))).astype(int), 0)
     return levels if np.any(levels > 0) else (parts >= np.max(parts)).astype(int)
 

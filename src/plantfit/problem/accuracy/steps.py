@@ -46,7 +46,6 @@ LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
 MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
-UNREACHED = 2.0  # times the tolerance, from which on a mesh has not come to it
 EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
 ROUNDS = 4  # of choosing steps at one answer
 DEFAULT = "exponential"  # the only stepper that is replaced by adaptive steps
@@ -235,6 +234,8 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
         if finer is problem:
             break
         problem = finer
+        if problem.predictor.stepping().stepper == ADAPTIVE:  # as fine as it has to be, and no mesh to refine
+            break
     return problem
 
 
@@ -246,18 +247,8 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
         if max(errors_at(problem, z[None, :], problem.scales, k)[0] for k in (factor, 2 * factor, 4 * factor)) <= small:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
-    tolerance = small * EXACT / FINE
-    return _mesh_or_adaptive(problem, _mesh_or_longer(problem, z[None, :], problem.scales, tolerance), z, tolerance)
-
-
-def _mesh_or_adaptive(problem: Problem, made: Problem, z: np.ndarray, tolerance: float) -> Problem:
-    """The mesh that was `made` at z, or adaptive steps where it is too long, or did not come to the tolerance and they are more exact."""
-    if _long(made):
-        return _adaptive(problem, scaled_error, z[None, :], tolerance, SENSITIVE, MOST_FINE)
-    if not _can_adapt(problem) or (reached := float(errors_at(made, z[None, :], problem.scales)[0])) <= UNREACHED * tolerance:
-        return made
-    exact = _adaptive(problem, scaled_error, z[None, :], tolerance, SENSITIVE, MOST_FINE)
-    return exact if scaled_error(exact, z) < reached or not np.isfinite(reached) else made
+    made = _mesh_or_longer(problem, z[None, :], problem.scales, small * EXACT / FINE)
+    return _adaptive(problem, scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
@@ -331,10 +322,13 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
         small = max(share * rms, 0.1 * least(problem))
         if not problem.mesh and _many(problem, scaled_error(problem, z), small):
             return _adaptive(problem, scaled_error, z[None, :], small)
-        return _mesh_or_adaptive(problem, _mesh_or_longer(problem, z[None, :], problem.scales, small, quarter=True), z, small)
+        made = _mesh_or_longer(problem, z[None, :], problem.scales, small, quarter=True)
+        return _adaptive(problem, scaled_error, z[None, :], small, SENSITIVE, MOST_FINE) if _long(made) else made
     simulator = problem.predictor.stepping()
     more = 4 * simulator.substeps <= MOST_FINE if simulator.stepper == ADAPTIVE else 4 * _count(problem) <= MOST_STEPS
-    return problem.with_simulator(simulator.refined(4)) if more else None
+    made = problem.with_simulator(simulator.refined(4)) if more else None
+    # rounding may be larger than what a high fineness allows
+    return made if made is not None and np.all(np.isfinite(residuals(made, z))) else None
 
 
 def _count(problem: Problem) -> int:

@@ -18,6 +18,7 @@ from plantfit.simulate.simulator import Drive
 import jax
 
 WIDTH = 8  # points evaluated together, as many as `plantfit.optimize` searches side by side
+DIFFERENCE = 1e-5  # of the box, to either side
 SMALL = 50_000  # entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
 
 
@@ -39,7 +40,23 @@ def shared(problem: Problem) -> bool:
 
 
 def residuals_and_jacobian(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `Problem.residuals_and_jacobian`: residuals (m,) and derivatives (m, d) at a cube point (d,)."""
+    """As `Problem.residuals_and_jacobian`: residuals (m,) and derivatives (m, d) at a cube point (d,).
+
+    A simulation may be finite where terms of its derivatives overflow, as x^n does for n = 60: inf/inf. Columns that are no numbers
+    become central differences; those that are none either stay as they are.
+    """
+    r, jacobian = _exact(problem, z)
+    if np.all(np.isfinite(jacobian)) or not np.all(np.isfinite(r)):
+        return r, jacobian
+    jacobian = jacobian.copy()
+    for k in np.flatnonzero(~np.all(np.isfinite(jacobian), axis=0)):
+        low, high = np.array(z, dtype=float), np.array(z, dtype=float)
+        low[k], high[k] = max(low[k] - DIFFERENCE, 0.0), min(high[k] + DIFFERENCE, 1.0)
+        jacobian[:, k] = (_exact(problem, high)[0] - _exact(problem, low)[0]) / (high[k] - low[k])
+    return r, jacobian
+
+
+def _exact(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if not shared(problem):
         return problem.residuals_and_jacobian(z)
     zs = np.repeat(np.asarray(z, dtype=float)[None, :], WIDTH, axis=0)

@@ -223,8 +223,9 @@ def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
         for y, s in zip(ys, found.drifts, strict=True)
     ]
     of = f"The residual of {some(ys)} as the model is" if alone else f"What is left of {some(ys)}"
+    slower = ", more slowly than the inputs move the plant" if getattr(d.carrier.given.model, "inputs", None) else ""
     text = (
-        f"{of} drifts slowly, {some(moved)}, more slowly than the inputs move the plant: a curve in time accounts for "
+        f"{of} drifts slowly, {some(moved)}{slower}: a curve in time accounts for "
         f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a sensor drifts"
         f"{', and nothing else need be missing' if alone else ''}."
     )

@@ -79,4 +79,6 @@ def _newton(problem: Problem, z: np.ndarray, most: int) -> tuple[np.ndarray, flo
         if not (np.all(np.isfinite(j)) and r @ r <= (1 + 1e-9) * (residuals @ residuals)):
             break
         z, residuals, jacobian, before = moved, r, j, change
-    return z, float(np.mean(residuals**2))
+    cost = float(np.mean(residuals**2))
+    # derivatives that are no numbers make the few rows none, though the point can be simulated
+    return z, cost if np.isfinite(cost) else float(problem.cost(z))

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
 from plantfit.trust.verdict.fit import failing
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
@@ -19,7 +20,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free, _denied(findings), failing(findings))
-    yield from _unsound(findings.get("determined"))
+    yield from _unsound(findings.get("determined"), sum(s["n"] for s in findings.get("scores", ()) if s["part"] == "fit"))
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
     yield from table_sentences(entries, findings.get("tables", ()))
@@ -83,14 +84,20 @@ def _told(p: Row) -> str:
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
 
 
-def _unsound(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
-    """That residuals are too slow, or records too short, for intervals that hold."""
-    if found and not found.get("sound", True):
-        text = (
-            "No parameter is called determined: the residuals move so slowly that they are worth about "
-            f"{number(found['samples'])} independent samples for {found['of']} parameters, and the intervals are too short."
-        )
-        yield say("warning", text, samples=found["samples"])
+def _unsound(found: Mapping[str, Any] | None, fitted: int) -> Iterator[Sentence]:
+    """That residuals are too slow, or `fitted` samples too few, for intervals that hold."""
+    if not found or found.get("sound", True):
+        return
+    if 0 < fitted < found["of"] + LEAST_FREE:
+        few = f"{fitted} fitted samples are too few for {found['of']} parameters, and the intervals too short"
+        text = f"No parameter is called determined: {few}."
+        yield say("warning", text, samples=fitted)
+        return
+    text = (
+        "No parameter is called determined: the residuals move so slowly that they are worth about "
+        f"{number(found['samples'])} independent samples for {found['of']} parameters, and the intervals are too short."
+    )
+    yield say("warning", text, samples=found["samples"])
 
 
 def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
