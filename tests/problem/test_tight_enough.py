@@ -5,6 +5,7 @@ of LSODA with rtol 1e-9 grow to 2 % of an output's range, which DOP853 (rtol 1e-
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def true_cost(problem):
         ]
 
     found = solve_ivp(rate, (0.0, recording.t[-1]), [8090.0, 0, 0, 0, 1.0], "DOP853", t_eval=recording.t, rtol=1e-13, atol=1e-14).y
-    seen = dict(zip(("Naive", "EarlyEffector", "LateEffector", "Memory"), found, strict=False))
+    seen: dict[str, Any] = dict(zip(("Naive", "EarlyEffector", "LateEffector", "Memory"), found, strict=False))
     rows = [(seen[o] - recording[f"y_observable_{o}"]) / scale for o, scale in SCALES.items()]
     r = np.concatenate(rows)
     return float(np.mean(r[np.isfinite(r)] ** 2))
