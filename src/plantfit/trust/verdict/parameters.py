@@ -20,7 +20,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free, _denied(findings), failing(findings))
-    yield from _unsound(findings.get("determined"), sum(s["n"] for s in findings.get("scores", ()) if s["part"] == "fit"))
+    yield from _unsound(findings.get("determined"), sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit"))
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
     yield from table_sentences(entries, findings.get("tables", ()))
