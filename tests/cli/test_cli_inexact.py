@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from cli_call import call
 
+from plantfit.cli.commands.begin.check import say_inexact
+
 STUDY = '''name = "pole"
 [recording.a]
 file = "pole.csv"
@@ -42,3 +44,13 @@ def test_check_and_predict(study, k, said, capsys, monkeypatch):
     assert (SAID in " ".join(found.out.split())) == said
     record = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place, "--json").record("predict")
     assert record["step_error"] == (1.0 if said else None)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(None, ""), (0.123, "its error is about 12 % of the spread of an output"), (1.0, "as large as")]
+)
+def test_the_size_of_the_error(error, said, capsys):
+    say_inexact(error)
+    told = " ".join(capsys.readouterr().out.split())
+    assert said in told
+    assert ("No steps make" in told) is (error is not None)

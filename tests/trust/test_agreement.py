@@ -16,6 +16,7 @@ from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.finish import final_problem as finishing
 from plantfit.trust.finish.final_problem import finish
+from plantfit.trust.verdict.agreement import _answers
 
 TRUTH = {"K": 2.0, "tau": 0.7, "c": 0.3}
 BOUNDS = {"K": (0.1, 10.0), "tau": (0.05, 5.0), "c": (-5.0, 5.0)}
@@ -255,6 +256,12 @@ def test_another_answer_that_one_run_met_is_told(seed):
     assert other["V"] == pytest.approx(one["V"] * one["k"] / one["ka"], rel=0.01)
     assert told(findings, "ended at the best cost")
     assert not told(findings, "worse one")
+
+
+def test_another_answer_that_no_run_reports_is_told_as_that():
+    answer, met = ({"runs": n, "parameters": {"ka": v}} for n, v in ((3, 1.5), (0, 0.5)))
+    (told,) = _answers({"symmetries": [], "answers": [answer, met], "runs": 3})
+    assert "ka = 1.5 (3 runs); ka = 0.5 (local searches within the runs)" in told["sentence"]
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -3,6 +3,7 @@
 import pickle
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from plantfit.models.extensions import with_extensions
 from plantfit.models.library.process import first_order
 from plantfit.spec import load, parse, with_additions
 from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record
+from plantfit.trust.diagnosis.sentences import _drifts
 
 LEVEL = "the curve of its slow drift is level there"
 
@@ -72,8 +74,6 @@ def test_what_is_no_curve_is_refused_in_words(given, said):
 def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     truth, told, level, errors, least_squares, held = PLANTS[plant].truth, 0, 0, [], [], []
     for seed in (1, 2, 3):
-        if told == 2:  # of three is enough
-            break
         study, noise = drifting_study(tmp_path, plant, seed)
         answer = fit(study.problem, budget=1500)
         d = diagnose(answer.problem, answer.best.x)
@@ -95,7 +95,7 @@ def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
             errors.append(better.values[name] / value - 1.0)
             for found, error in ((better.values[name], better.standard_errors[name]), d.drifting.values[name]):
                 held.append(abs(found - value) <= 3.0 * error)
-    assert told == 2
+    assert told >= 2
     assert level >= 1  # behind the last node nobody knows it
     assert np.mean(np.square(errors)) < 0.5 * np.mean(np.square(least_squares))
     assert np.mean(held) >= 0.9
@@ -147,3 +147,17 @@ def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):
     assert LEVEL not in plain.verdict
     (smoothed,) = answer.findings["smoothing"]
     assert smoothed["effective"] < 6
+
+
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("inputs", [{}, {"u": "V"}])
+def test_a_model_without_inputs_is_not_said_to_be_moved_by_them(inputs, alone):
+    added = SimpleNamespace(parameter="K", unit=None)
+    drift = SimpleNamespace(additions=() if alone else (added,), drifts=[SimpleNamespace(output="y", moves=1.5)], explains=0.97, values={})
+    space = SimpleNamespace(names=[], coordinates=[])
+    given = SimpleNamespace(model=SimpleNamespace(inputs=inputs, outputs={"y": "K"}), space=space)
+    d = SimpleNamespace(end=SimpleNamespace(additions=(added,)), carrier=SimpleNamespace(given=given))
+    text = _drifts(d, drift)["sentence"]
+    assert ("more slowly than the inputs move the plant" in text) is bool(inputs)
+    assert ("Without inputs it cannot be told from an error of the equations" in text) is not bool(inputs)
+    assert ("nothing else need be missing" in text) is (bool(inputs) and alone)

@@ -14,6 +14,7 @@ from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSour
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report import summary_text, write_report
+from plantfit.trust.verdict.weights import weight_sentences
 
 
 @pytest.mark.parametrize(
@@ -111,3 +112,12 @@ def test_few_samples_whose_errors_show_have_the_scale_of_their_errors():
     found = fit(seen_rarely([20, 60, 110, 150], noise=0.4), seed=1)
     assert found.problem.scale_sources["w"].kind == "residuals"
     assert 0.1 < found.problem.scales["w"] < 0.8
+
+
+@pytest.mark.parametrize(("few", "said"), [((), ""), (("a",), "Give a scale for a if"), (("a", "b"), "Give scales for a, b if")])
+def test_scales_are_asked_for_where_few_samples_cannot_show_them(few, said):
+    row = {"unit": None, "scale": 1.0, "chosen": "residuals", "who": "w", "settled": True}
+    (told,) = weight_sentences({"weights": [{**row, "output": o, "few": o in few} for o in ("a", "b", "c")]})
+    assert (said or "w).") in told["sentence"]
+    assert ("Give" in told["sentence"]) is bool(few)
+    assert told["level"] == ("warning" if few else "info")

@@ -223,12 +223,15 @@ def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
         for y, s in zip(ys, found.drifts, strict=True)
     ]
     of = f"The residual of {some(ys)} as the model is" if alone else f"What is left of {some(ys)}"
-    slower = ", more slowly than the inputs move the plant" if getattr(d.carrier.given.model, "inputs", None) else ""
+    driven = bool(getattr(d.carrier.given.model, "inputs", None))
+    slower = ", more slowly than the inputs move the plant" if driven else ""
     text = (
         f"{of} drifts slowly, {some(moved)}{slower}: a curve in time accounts for "
         f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a sensor drifts"
-        f"{', and nothing else need be missing' if alone else ''}."
+        f"{', and nothing else need be missing' if alone and driven else ''}."
     )
+    if not driven:
+        text += " Without inputs it cannot be told from an error of the equations that moves slowly."
     return say("warning", text + _allowed_for(d, found), explained=found.explains)
 
 
