@@ -4,6 +4,7 @@ import pickle
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -153,10 +154,12 @@ def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):
 @pytest.mark.parametrize("inputs", [{}, {"u": "V"}])
 def test_a_model_without_inputs_is_not_said_to_be_moved_by_them(inputs, alone):
     added = SimpleNamespace(parameter="K", unit=None)
-    drift = SimpleNamespace(additions=() if alone else (added,), drifts=[SimpleNamespace(output="y", moves=1.5)], explains=0.97, values={})
+    drift: Any = SimpleNamespace(
+        additions=() if alone else (added,), drifts=[SimpleNamespace(output="y", moves=1.5)], explains=0.97, values={}
+    )
     space = SimpleNamespace(names=[], coordinates=[])
     given = SimpleNamespace(model=SimpleNamespace(inputs=inputs, outputs={"y": "K"}), space=space)
-    d = SimpleNamespace(end=SimpleNamespace(additions=(added,)), carrier=SimpleNamespace(given=given))
+    d: Any = SimpleNamespace(end=SimpleNamespace(additions=(added,)), carrier=SimpleNamespace(given=given))
     text = _drifts(d, drift)["sentence"]
     assert ("more slowly than the inputs move the plant" in text) is bool(inputs)
     assert ("Without inputs it cannot be told from an error of the equations" in text) is not bool(inputs)
