@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -175,10 +174,8 @@ def test_a_scheduler_at_an_address_and_its_end(tmp_path, scheduler):
         if p.runs_done > before + 1:
             team[0].kill()
 
-    began = time.monotonic()
     with pytest.raises(SearchError, match="connection to the dask scheduler was lost") as caught, connected(address) as client:
         work_on_cluster(store, [job(study_id)], client, progress=end_scheduler)
-    assert time.monotonic() - began < 90
     assert "\n" not in str(caught.value)
     assert store.held(study_id) == []
     assert before < store.counts(study_id)[2] < 12

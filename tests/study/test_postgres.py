@@ -108,9 +108,7 @@ def test_a_claim_passes_over_a_task_that_another_is_just_taking(place, admin):
     study_id = add(store)
     with admin.transaction():
         admin.execute("SELECT 1 FROM task WHERE study = %s ORDER BY id LIMIT 1 FOR UPDATE", [study_id])
-        began = time.monotonic()
         claim = claim_one(store, study_id, "elsewhere|1|2|a")
-        assert time.monotonic() - began < 5
     first, second, *_ = tasks(PLAN)
     assert claim.task == second
     assert claim_one(store, study_id, "elsewhere|1|2|b").task == first
