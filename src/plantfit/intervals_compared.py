@@ -31,6 +31,7 @@ from plantfit.trust.intervals.kinds.posterior import CHAINS, Draws, need_blackja
 from plantfit.trust.intervals.kinds.priors import Prior, normal_priors
 from plantfit.trust.intervals.kinds.told import interval_sentences
 from plantfit.trust.intervals.profile import Profile, profile
+from plantfit.trust.intervals.unknown_noise import unknown_noise
 
 if TYPE_CHECKING:
     import polars as pl
@@ -209,6 +210,11 @@ def _row(
             p = profiles[c.name]
             more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
             all_of.append(_kind(kind, p.low, p.high, None, open_low=p.at_lower, open_high=p.at_upper, **more))
+        elif kind == "bootstrap" and own["status"] == "flat" and (silent := unknown_noise(problem)):
+            refused[f"bootstrap of {c.name}"] = (
+                f"Nothing shows how large the errors of {', '.join(silent)} are, so the bootstrap has no interval of {c.name}."
+            )
+            all_of.append(_kind(kind, None, None, None))
         elif kind == "bootstrap" and found is not None and len(found.values) > 1:
             refits = found.values[:, i]
             ends = percentiles(refits, value, level, (c.lower, c.upper))

@@ -7,7 +7,7 @@ from scipy.stats import t as student
 
 from plantfit.problem.measure.long_run import bandwidth, first_correlation, long_run, prewhitened_long_run
 from plantfit.trust import covariance, flat_directions
-from plantfit.trust.intervals.covariance import Block, sandwich
+from plantfit.trust.intervals.covariance import Block, own_student, sandwich
 from plantfit.trust.intervals.ranges import effective_samples
 
 
@@ -176,6 +176,32 @@ def test_slow_residuals_and_short_records_have_intervals_that_hold(n, rho):
         samples = effective_samples(residuals, [block], 4)[0]
         held += np.abs(estimate) <= student.ppf(0.975, max(1.0, samples - 4)) * np.sqrt(np.diag(spread))
     assert np.all(held / seeds >= 0.90), held / seeds
+    assert np.all(held / seeds <= 0.99), held / seeds
+
+
+@pytest.mark.parametrize(("few", "given"), [(3, True), (4, True), (4, False), (8, False), (25, False)])
+def test_an_output_of_few_samples_has_intervals_that_hold(few, given):
+    """Two parameters seen by y at 150 samples, two more by w at few: its scale is given, or the rms of its residuals."""
+    held, seeds, m = np.zeros(4), 400, 150 + few
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        matrix = rng.normal(size=(m, 4))
+        matrix[:150, 2:] = 0.0
+        e = rng.normal(size=m) * np.where(np.arange(m) < 150, 1.0, 7.0)
+        scale = np.array([1.0, 7.0])
+        for _ in range(1 if given else 30):
+            w = np.repeat(1.0 / scale, (150, few))
+            estimate = np.linalg.lstsq(matrix * w[:, None], e * w)[0]
+            left = matrix @ estimate - e
+            scale = scale if given else np.array([np.sqrt(np.mean(left[:150] ** 2)), np.sqrt(np.mean(left[150:] ** 2))])
+        j, residuals = matrix * w[:, None], left * w
+        variance = float(residuals @ residuals) / (m - 4)
+        blocks = [Block(slice(0, 150), np.arange(150), "y", given), Block(slice(150, m), np.arange(few), "w", given)]
+        bread = np.linalg.inv(j.T @ j) * variance
+        spread = sandwich(j, residuals, blocks, bread, np.zeros((4, 4)), variance, m - 4, True)
+        longer = own_student(j, residuals, blocks, bread, variance, m - 4.0)
+        held += np.abs(estimate) <= student.ppf(0.975, m - 4) * longer * np.sqrt(np.diag(spread))
+    assert np.all(held / seeds >= 0.91), held / seeds
     assert np.all(held / seeds <= 0.99), held / seeds
 
 

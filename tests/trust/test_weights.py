@@ -104,7 +104,12 @@ def test_a_scale_does_not_go_to_zero_where_few_samples_are_followed_exactly(seed
     assert found.problem.scales["y"] == pytest.approx(0.05, rel=0.2)
     [said] = [v for v in found.findings["verdict"] if "count as 1" in v["sentence"]]
     assert said["level"] == "warning"
-    assert said["sentence"].endswith("Give a scale for w if you know the size of the errors.")
+    assert said["sentence"].endswith("so that it fixes no parameter. Give a scale for w if you know.")
+    rows = {row["name"]: row for row in found.findings["parameters"]}
+    assert {n: rows[n]["status"] for n in ("K", "tau")} == {"K": "determined", "tau": "determined"}
+    assert {"b", "c"}.isdisjoint(n for n, row in rows.items() if row["status"] == "determined" or row["standard_error"])
+    [exact] = [v["sentence"] for v in found.findings["verdict"] if "simulation of w" in v["sentence"]]
+    assert exact.endswith("% of the spread of the samples, beside which the residual is nothing: negligible.")
     assert "it has no more samples than there are free parameters" in said["sentence"]
 
 
@@ -114,7 +119,18 @@ def test_few_samples_whose_errors_show_have_the_scale_of_their_errors():
     assert 0.1 < found.problem.scales["w"] < 0.8
 
 
-@pytest.mark.parametrize(("few", "said"), [((), ""), (("a",), "Give a scale for a if"), (("a", "b"), "Give scales for a, b if")])
+def test_a_scale_that_is_given_tells_the_errors_of_what_is_followed_exactly():
+    found = fit(seen_rarely([60, 150], noise=0.4).with_scales({"y": 0.05, "w": 0.4}), seed=1)
+    x = found.simulated["recording"]["y"][[60, 150]]
+    error = {row["name"]: row["standard_error"] for row in found.findings["parameters"]}
+    assert error["b"] == pytest.approx(0.4 * np.sqrt(2.0) / abs(x[1] - x[0]), rel=0.15)
+    assert error["c"] == pytest.approx(0.4 * np.hypot(x[0], x[1]) / abs(x[1] - x[0]), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("few", "said"),
+    [((), ""), (("a",), "it fixes no parameter. Give a scale for a"), (("a", "b"), "they fix no parameter. Give scales for a, b")],
+)
 def test_scales_are_asked_for_where_few_samples_cannot_show_them(few, said):
     row = {"unit": None, "scale": 1.0, "chosen": "residuals", "who": "w", "settled": True}
     (told,) = weight_sentences({"weights": [{**row, "output": o, "few": o in few} for o in ("a", "b", "c")]})

@@ -32,6 +32,7 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.intervals.unknown_noise import as_known
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
@@ -67,9 +68,10 @@ def assess(
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
-    rows, stepped = allowing_for_steps(problem, best.x, local, rows)
+    known = as_known(problem)
+    rows, stepped = allowing_for_steps(known, best.x, local, rows)
     determined = claimed(determined_findings(problem, local.linear, rows, ranges or {}), rows)
-    rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
+    rows, uncertainty = uncertainty_findings(known, best.x, rows, errors, draws, seed)
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})

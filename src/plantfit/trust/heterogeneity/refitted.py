@@ -1,6 +1,7 @@
 """Every recording of an answer fitted alone from there, by the functions that are compiled for all of them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def own_rows(problem: Problem) -> dict[str, tuple[slice, list[Block]]]:
     for name, _, block in named_blocks(problem):
         begin = found[name][0].start if name in found else block.rows.start
         here = slice(block.rows.start - begin, block.rows.stop - begin)
-        found[name] = slice(begin, block.rows.stop), [*(found[name][1] if name in found else ()), Block(here, block.index)]
+        found[name] = slice(begin, block.rows.stop), [*(found[name][1] if name in found else ()), replace(block, rows=here)]
     return found
 
 

@@ -1,16 +1,18 @@
 """Standard errors at an answer, from the exact Jacobian, sound when residuals are autocorrelated."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from plantfit.problem.measure.long_run import at_most, degrees_of_freedom, prewhitened_long_run
+from plantfit.problem.measure.long_run import at_most, degrees_of_freedom, prewhitened_long_run, widening
 
 EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
 ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but for rounding
 TIED = 1e-6  # entry of a projector from which on two coordinates move together in a space
+LEAST_DEGREES = 0.5  # of freedom of an output's residuals, at least
+MANY = 100.0  # from which on Student's t is that of all samples together
 BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's edge
 
 
@@ -19,10 +21,69 @@ class Block:
     """Residuals of one output in one recording: rows of the Jacobian, and which error of the sensor each has, whole numbers (m,).
 
     Those of sample numbers where errors belong to times. Neighbours may be correlated, and equal numbers are one error.
+    `scaled`: the user gave the scale of the output.
     """
 
     rows: slice
     index: np.ndarray
+    output: str = ""
+    scaled: bool = False
+
+
+@dataclass(frozen=True)
+class OutputErrors:
+    """`larger`: what squared residuals of an output are multiplied by, for what the fit took from them; `least`: the mean square that its
+    errors have at least; `degrees` of freedom that their size rests on."""
+
+    larger: float
+    least: float
+    degrees: float
+
+    def mean_square(self, residuals: np.ndarray) -> float:
+        """Of errors whose residuals (k,) these are."""
+        return max(float(np.mean(residuals**2)) * self.larger, self.least)
+
+
+def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float) -> dict[str, OutputErrors]:
+    """By output, from the derivatives (m, d) and the inverse (d, d) of J'J / `variance`, the mean square of all residuals.
+
+    An output of n samples that took part k in the estimates (the sum of its leverages) has n - k degrees of freedom left, of which the
+    whole problem has m - d; no more than that where there is one output. Few samples with scales that the user gave count by these: their
+    errors are as large as those of all, each in its scale.
+    """
+    m, d = j.shape
+    left, counts = dict.fromkeys((b.output for b in blocks), 0.0), dict.fromkeys((b.output for b in blocks), 0)
+    if len(left) == 1:
+        return {o: OutputErrors(m / max(1, m - d), 0.0, float(max(1, m - d))) for o in left}
+    for block in blocks:
+        rows = j[block.rows]
+        on = np.flatnonzero(np.any(rows != 0.0, axis=0))
+        rows = rows[:, on]
+        counts[block.output] += len(rows)
+        left[block.output] += len(rows) - float(np.sum((rows @ bread[np.ix_(on, on)]) * rows)) / variance
+    scaled = {b.output for b in blocks if b.scaled and counts[b.output] <= d}
+    return {
+        o: OutputErrors(counts[o] / max(left[o], LEAST_DEGREES), variance, float(max(1, m - d)))
+        if o in scaled
+        else OutputErrors(counts[o] / max(left[o], LEAST_DEGREES), 0.0, max(left[o], LEAST_DEGREES))
+        for o in left
+    }
+
+
+def own_student(
+    j: np.ndarray, residuals: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float, common: float
+) -> np.ndarray:
+    """How much longer (d,) than by the `common` degrees of freedom intervals are that rest on outputs of few samples, by Satterthwaite."""
+    errors = output_errors(j, blocks, bread, variance)
+    if min(e.degrees for e in errors.values()) >= min(MANY, common):
+        return np.ones(j.shape[1])
+    shares = {o: np.zeros(j.shape[1]) for o in errors}
+    for block in blocks:
+        own = errors[block.output]
+        shares[block.output] += np.sum((j[block.rows] @ bread / variance) ** 2, axis=0) * own.mean_square(residuals[block.rows])
+    total, squares = sum(shares.values()), sum(s**2 / errors[o].degrees for o, s in shares.items())
+    degrees = np.minimum(np.divide(total**2, squares, out=np.full(j.shape[1], np.inf), where=squares > 0), common)
+    return widening(degrees) / widening(np.array([common]))
 
 
 def normal_matrix(jacobian: np.ndarray, blocks: list[Block]) -> np.ndarray:
@@ -153,7 +214,7 @@ def sandwich(
         # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
         influences = (j[block.rows] @ bread for block in blocks)
         return spread + sum((i.T @ i for i in influences), np.zeros_like(spread)) / variance
-    alike = spread.copy()
+    alike, errors = spread.copy(), output_errors(j, blocks, bread, variance)
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
         # Jacobian have cancelled already, so that each may be filtered by its own memory
@@ -162,11 +223,14 @@ def sandwich(
         if not len(touched):  # nothing that is fitted acts on this output
             continue
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
-        spread[np.ix_(touched, touched)] += (
-            prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * len(residuals) / degrees
-        )
-        alike[np.ix_(touched, touched)] += by_residual.T @ by_residual * np.mean(own**2) * len(residuals) / degrees
-    least = not_below(np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance), len(residuals))
+        plain = by_residual.T @ by_residual * errors[block.output].mean_square(own)
+        found = prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * errors[block.output].larger
+        if errors[block.output].least:  # few samples: what they show by chance is no less than what their scale says
+            wider = np.sqrt(np.maximum(1.0, np.diag(found) / np.maximum(np.diag(plain), 1e-300)))
+            found = plain * np.outer(wider, wider)
+        spread[np.ix_(touched, touched)] += found
+        alike[np.ix_(touched, touched)] += plain
+    least = not_below(np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance, errors), len(residuals))
     wider = np.sqrt(np.maximum(1.0, least / np.maximum(np.diag(spread), 1e-300)))
     return spread * np.outer(wider, wider)
 
@@ -182,7 +246,9 @@ def not_below(alike: np.ndarray, own: np.ndarray, degrees: Callable[[], np.ndarr
     return np.where(doubted, np.minimum(alike, at_most(degrees()) * own), alike) if np.any(doubted) else alike
 
 
-def _degrees(j: np.ndarray, residuals: np.ndarray, blocks: list[Block], bread: np.ndarray, variance: float) -> np.ndarray:
+def _degrees(
+    j: np.ndarray, residuals: np.ndarray, blocks: list[Block], bread: np.ndarray, variance: float, errors: Mapping[str, OutputErrors]
+) -> np.ndarray:
     """Degrees of freedom (d,) of the variances that the residuals give: those of the blocks' sum, by Satterthwaite."""
     totals, squares = np.zeros(j.shape[1]), np.zeros(j.shape[1])
     for block in blocks:
@@ -191,7 +257,7 @@ def _degrees(j: np.ndarray, residuals: np.ndarray, blocks: list[Block], bread: n
         if not len(touched):
             continue
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
-        shares = by_residual**2 * np.mean(own**2)
+        shares = by_residual**2 * errors[block.output].mean_square(own)
         total = np.sum(shares, axis=0)
         totals[touched] += total
         squares[touched] += total**2 / degrees_of_freedom(by_residual * own[:, None], shares, block.index)

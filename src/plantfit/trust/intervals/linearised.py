@@ -8,6 +8,7 @@ from scipy.optimize import lsq_linear
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.evaluate.triangle import triangle
+from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.identify.directions import Direction, flat_directions
@@ -15,6 +16,7 @@ from plantfit.trust.intervals.covariance import Block, covariance, effective_par
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
+from plantfit.trust.intervals.unknown_noise import as_known, unknown_noise
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
@@ -47,7 +49,8 @@ class Local:
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
-    """Covariance and flat directions at the cube point z (d,)."""
+    """Covariance and flat directions at the cube point z (d,); outputs whose errors nobody knows fix nothing (`unknown_noise`)."""
+    problem = as_known(problem)
     space, blocks = problem.space, residual_blocks(problem)
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     smoothing = problem.smoothing.matrix if problem.smoothing else np.zeros((space.dimension,) * 2)
@@ -169,13 +172,15 @@ def _whole(numbers: np.ndarray) -> np.ndarray:
 
 def named_blocks(problem: Problem) -> list[tuple[str, str, Block]]:
     """(recording, output, where their residuals stand), in the order of the residuals."""
-    blocks, start = [], 0
+    blocks, start, silent = [], 0, unknown_noise(problem)
     for name in problem.data["drive"]:
         for output in problem.outputs:
             index = problem.data["index"][name][output]
             if len(index):
                 numbers = problem.experiments[name].error_numbers(output)
-                blocks.append((name, output, Block(slice(start, start + len(index)), index if numbers is None else _whole(numbers[index]))))
+                own = index if numbers is None else _whole(numbers[index])
+                scaled = problem.scale_sources[output] == GIVEN or output in silent
+                blocks.append((name, output, Block(slice(start, start + len(index)), own, output, scaled)))
             start += len(index)
     return blocks
 

@@ -17,6 +17,7 @@ from plantfit.trust.intervals.kinds.likelihood_draws import by_likelihood
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
+from plantfit.trust.intervals.unknown_noise import as_known
 
 ROUNDS = 60  # of draws until enough of them are within limits
 MORE_ROUNDS, MANY, FEW_KEPT = 40, 4096, 0.02  # further rounds of so many draws, where at least such a share has a cost that the data allow
@@ -54,6 +55,7 @@ def plausible(
     and a draw is kept where its cost is one that draws of the determined parts have too.
     Physical limits cut both. Raises SearchError where hardly a draw is left.
     """
+    problem = as_known(problem)
     around = _Around.of(problem, np.asarray(z), rows, np.random.default_rng(seed), within)
     known, kept, accepted, walks = around.known, np.zeros((0, len(around.values))), 1.0, False
     if np.any(known.wide | known.loose) and around.local.linear is not None and around.local.linear.sound:

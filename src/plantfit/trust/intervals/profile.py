@@ -11,8 +11,9 @@ from plantfit.errors import SpaceError
 from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
-from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below
+from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below, output_errors
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
+from plantfit.trust.intervals.unknown_noise import as_known
 
 STEPS = 12  # points to either side at most
 CLOSE = 0.03  # of the interval's half width: how near an end is found
@@ -53,7 +54,7 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
     names = problem.space.names
     if name not in names:
         raise SpaceError(f"There is no parameter {name!r} to profile; free are {list(names)}.")
-    place = names.index(name)
+    place, problem = names.index(name), as_known(problem)
     walk = _Walk(problem, np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float), place)
     for _ in range(4):  # again from a better answer that a side has met
         variance, inflation = _spread(problem, walk.best, place)
@@ -164,14 +165,17 @@ def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
     blocks = residual_blocks(problem)
     hessian = normal_matrix(jacobian, blocks) / variance
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
-    bread = np.linalg.inv(curved + box_prior(curved))[own]
+    whole = np.linalg.inv(curved + box_prior(curved))
+    bread, sizes = whole[own], output_errors(jacobian, blocks, whole, variance)
     plain = float(bread @ hessian @ bread)
     robust, total, square = 0.0, 0.0, 0.0
     for block in blocks:
         by_residual, left = jacobian[block.rows] @ bread / variance, residuals[block.rows]
-        influence, shares = (by_residual * left)[:, None], (by_residual**2 * np.mean(left**2))[:, None]
-        robust += float(prewhitened_long_run(influence, block.index)[0, 0])
+        errors = sizes[block.output]
+        influence, shares = (by_residual * left)[:, None], (by_residual**2 * errors.mean_square(left))[:, None]
         own = float(np.sum(shares))
+        found = float(prewhitened_long_run(influence, block.index)[0, 0]) * errors.larger
+        robust += max(found, own) if errors.least else found
         total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
     least = not_below(np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals))[0]
     return variance, max(robust, least) / max(plain, np.finfo(float).tiny)

@@ -12,7 +12,7 @@ from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.at_limits import limit_factors
-from plantfit.trust.intervals.covariance import Block, begun, rounding, sandwich
+from plantfit.trust.intervals.covariance import Block, begun, own_student, rounding, sandwich
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -123,7 +123,8 @@ def linear_problem(
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
     least, most = np.minimum(least, 0.0), np.maximum(most, 0.0)
-    threshold = quantile**2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
+    longer = own_student(j, residuals, blocks, bread, variance, samples - len(at)) if robust else 1.0
+    threshold = (quantile * longer) ** 2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
         values, size, least, most, rows, rest, spread, threshold, quantile, variance,
         samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)),

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from plantfit.optimize.contract import RunResult
 from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
@@ -74,6 +76,9 @@ def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:
         yield say("warning" if "still" in told else "info", told)
 
 
+NOTHING = 1e-5  # of the spread of the samples: a residual (rms) beside which it says nothing how far the simulation is off
+
+
 def _steps(findings: Findings) -> Iterator[Sentence]:
     if refused := findings["simulation"].get("refused"):
         yield say("bad", f"The answer is refused: in recording {findings['simulation']['recording']}, {refused}.")
@@ -82,16 +87,27 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
     reached, samples = findings["simulation"].get("checked_samples"), findings["simulation"].get("samples")
     part = "" if refused or reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
     for name, o in findings["simulation"].get("outputs", {}).items():
-        if not o["rms_residual"]:
+        nothing = NOTHING * _spread(findings, name)
+        if not (o["rms_residual"] or nothing):
             continue
-        share = o["rms_error"] / o["rms_residual"]
-        level = "good" if share < 0.05 else "warning"
-        end = "negligible" if share < 0.05 else "not negligible: ask for more substeps"
         text = (
             f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{part}{where} "
-            f"({findings['simulation']['checked_with']}); in the rms it is off by {100 * share:.2g} % of the residual: {end}."
+            f"({findings['simulation']['checked_with']}); in the rms it is off by "
         )
-        yield say(level, text, max_error=o["max_error"], share=share)
+        if o["rms_residual"] < nothing:  # as of data without noise, or followed exactly: a share of it says nothing
+            share, most, of = o["rms_error"] * NOTHING / nothing, NOTHING, "spread of the samples, beside which the residual is nothing"
+        else:
+            share, most, of = o["rms_error"] / o["rms_residual"], 0.05, "residual"
+        level = "good" if share < most else "warning"
+        end = "negligible" if share < most else "not negligible: ask for more substeps"
+        yield say(level, f"{text}{100 * share:.2g} % of the {of}: {end}.", max_error=o["max_error"], share=share)
+
+
+def _spread(findings: Findings, output: str) -> float:
+    """The standard deviation of what was measured of an output and fitted."""
+    own = [r["outputs"][output] for r in findings["recordings"] if output in r["outputs"]]
+    y = [v for o in own for v, part in zip(o["measured"], o["part"], strict=True) if v is not None and part == "fit"]
+    return float(np.std(y)) if y else 0.0
 
 
 def _failures(findings: Findings) -> Iterator[Sentence]:

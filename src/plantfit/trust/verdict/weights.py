@@ -21,5 +21,6 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         text += " Give scales where an output can be followed exactly: its weight grows without end."
     few = [row["output"] for row in rows if row.get("few")]
     if few:
-        text += f" Give {'a scale' if len(few) == 1 else 'scales'} for {', '.join(few[:LISTED])} if you know the size of the errors."
+        names, fix, scales = ", ".join(few[:LISTED]), *(("it fixes", "a scale") if len(few) == 1 else ("they fix", "scales"))
+        text += f" Nothing shows how large the errors of {names} are, so that {fix} no parameter. Give {scales} for {names} if you know."
     yield say("warning" if changing or few else "info", text)

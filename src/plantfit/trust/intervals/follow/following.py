@@ -10,6 +10,7 @@ from plantfit.problem.problem import Problem
 from plantfit.study.comparing.symmetry import same_by_symmetry
 from plantfit.trust.intervals.follow.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
+from plantfit.trust.intervals.unknown_noise import as_known
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
 OTHERS, APART = 4, 0.05  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
@@ -24,7 +25,7 @@ def followed_ranges(
     `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that noise may have
     chosen between the two, the ranges hold both, however high the cost between them; not where both are one model written twice.
     """
-    d = len(linear.values)
+    problem, d = as_known(problem), len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
     walk = Followed(problem, z, linear, allowed)
     found = {i: walk.range(i) for i in range(d)}

@@ -11,7 +11,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.linearised import EDGE, named_blocks
+from plantfit.trust.intervals.covariance import output_errors
+from plantfit.trust.intervals.linearised import EDGE, named_blocks, residual_blocks
 
 TIMES = 10  # correlation times of the residuals in a block
 SHARE = 0.25  # of a record that a block holds at most
@@ -36,18 +37,24 @@ def bootstrap(
 
     Residuals are drawn in blocks that overlap and run round the end of a record, as long as ten times their correlation time
     (Politis and Romano, in Exploring the Limits of Bootstrap, 1992, p. 263), and made larger by what the fit took from them. Each refit
-    begins at z and stays within the bounds. Initial values that are read from a record's first samples keep them.
+    begins at z and stays within the bounds. Initial values that are read from a record's first samples keep them. Errors of an output with
+    no more samples than there are free parameters are normal: its residuals are smaller than its errors, which its scale tells.
     """
     data, space = problem.unsmoothed, problem.space
     r, jacobian = residuals_and_jacobian(data, z)
     rng = np.random.default_rng(seed)
     lengths, series = _series(problem, r)
-    larger = np.sqrt(len(r) / max(len(r) - np.linalg.matrix_rank(jacobian), 1))
+    variance = max(float(r @ r) / max(len(r) - np.linalg.matrix_rank(jacobian), 1), 1e-300)
+    errors = output_errors(jacobian, residual_blocks(data), variance * np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), variance)
     values, lost = [], 0
     for k in range(replicates):
         shift = np.zeros_like(r)
         for output, rows in series:
-            shift[rows] = _drawn(r[rows] - r[rows].mean(), lengths[output], rng) * larger - r[rows]
+            own = errors[output]
+            if own.least:
+                shift[rows] = rng.normal(scale=np.sqrt(own.mean_square(r[rows])), size=len(rows)) - r[rows]
+            else:
+                shift[rows] = _drawn(r[rows] - r[rows].mean(), lengths[output], rng) * np.sqrt(own.larger) - r[rows]
         found = _refitted(data, z, shift)
         if found is None:
             lost += 1

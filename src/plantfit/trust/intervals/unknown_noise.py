@@ -1,0 +1,25 @@
+"""Outputs of few samples: what intervals may count on where residuals do not show how large an output's errors are."""
+
+import numpy as np
+
+from plantfit.problem.measure.scale_source import ScaleSource
+from plantfit.problem.problem import Problem
+
+NOTHING = 1e9  # spreads of an output that count as 1: its samples say nothing
+FEW = "few samples"
+
+
+def unknown_noise(problem: Problem) -> tuple[str, ...]:
+    """The outputs that can be followed exactly, and whose errors neither residuals nor the user tell."""
+    return tuple(o for o in problem.outputs if problem.scale_sources[o].kind == FEW)
+
+
+def as_known(problem: Problem) -> Problem:
+    """The problem that intervals are made of: samples whose errors nobody knows fix nothing."""
+    names = unknown_noise(problem)
+    return problem.with_scales({o: NOTHING * _size(problem, o) for o in names}, ScaleSource(FEW)) if names else problem
+
+
+def _size(problem: Problem, output: str) -> float:
+    y = np.concatenate([own[output] for own in problem.data["measured"].values()])
+    return float(np.std(y)) or float(np.max(np.abs(y), initial=0.0)) or 1.0
