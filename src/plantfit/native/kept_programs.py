@@ -27,6 +27,7 @@ from plantfit.folders import code_folder
 from plantfit.native.compile.compilation import read_object, write_object
 from plantfit.native.compile.processor import available, host
 from plantfit.native.primitive import libm_of, register_kept
+from plantfit.runtime import COMPILED_SOON
 
 # isort: split
 import jax
@@ -36,6 +37,9 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 # Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew and stays in XLA's
 # cache under its old name for good, so that a bound which a day's work passes several times costs disk too.
 MOST_FILES = 10_000
+# Programs of finish and judgement. What a search asks thousands of times is worth all of XLA's optimisation, around native loops too:
+# without it, one candidate of a record with 24,400 samples takes three times as long.
+SOON = {"residuals_and_jacobian", "residuals_and_jacobian of several", "residuals of several", "blocks", "outputs"}
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
@@ -127,7 +131,9 @@ def _sources() -> bytes:
 def _machine() -> bytes:
     """What XLA's executables depend on beside their text: versions, processor and flags."""
     own = host() if available() else None
-    return repr((sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")))).encode()
+    return repr(
+        (sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")), COMPILED_SOON)
+    ).encode()
 
 
 class Kept:
@@ -172,7 +178,7 @@ class Kept:
         if folder is None or self.description is None:
             return self._plain
         key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
-        return _read(folder, key, args) or _made(folder, key, self._plain, args)
+        return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args)
 
 
 def _brief(z: Any) -> Any:
@@ -241,7 +247,7 @@ def _with_lapack() -> None:
     jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
-def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
+def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
     """The program for these arguments, traced now; compiled and put into the folder where no other function has become the same program."""
     lowered = jitted.lower(*args)
     text = lowered.as_text()
@@ -253,7 +259,7 @@ def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callabl
         program = _loaded(folder, kept, args)
     if program is None:
         before = _seen.hits
-        program = lowered.compile()
+        program = compiled(lowered, soon=bool(natives) and name in SOON)
         # XLA does not write down a program that it has read itself, nor one that calls back into this process
         if _seen.hits > before or _CALLBACK.search(text):
             return program
@@ -266,6 +272,16 @@ def _made(folder: Path, key: str, jitted: Any, args: tuple[Any, ...]) -> Callabl
     with suppress(Exception):  # results of other classes than tuples, lists and dictionaries
         write_object(folder / key, key, pickle.dumps(tuple(kept)))
     return program
+
+
+def compiled(lowered: Any, *, soon: bool) -> Any:
+    """The program that `jax.jit(...).lower(...)` gave, with little optimisation by XLA where it is wanted `soon`."""
+    if not soon:
+        return lowered.compile()
+    try:
+        return lowered.compile(COMPILED_SOON)
+    except jax.errors.JaxRuntimeError:  # an XLA that does not know one of the options
+        return lowered.compile()
 
 
 class _Seen(threading.local):
