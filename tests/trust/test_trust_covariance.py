@@ -188,7 +188,7 @@ def test_an_output_of_few_samples_has_intervals_that_hold(few, given):
         matrix = rng.normal(size=(m, 4))
         matrix[:150, 2:] = 0.0
         e = rng.normal(size=m) * np.where(np.arange(m) < 150, 1.0, 7.0)
-        scale = np.array([1.0, 7.0])
+        scale, w, left, estimate = np.array([1.0, 7.0]), np.ones(m), e, np.zeros(4)
         for _ in range(1 if given else 30):
             w = np.repeat(1.0 / scale, (150, few))
             estimate = np.linalg.lstsq(matrix * w[:, None], e * w)[0]
