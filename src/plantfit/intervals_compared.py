@@ -24,6 +24,7 @@ from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
+from plantfit.trust.finish.unknown_noise import unknown_noise
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles
 from plantfit.trust.intervals.kinds.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.noise import noise_of
@@ -31,7 +32,6 @@ from plantfit.trust.intervals.kinds.posterior import CHAINS, Draws, need_blackja
 from plantfit.trust.intervals.kinds.priors import Prior, normal_priors
 from plantfit.trust.intervals.kinds.told import interval_sentences
 from plantfit.trust.intervals.profile import Profile, profile
-from plantfit.trust.intervals.unknown_noise import unknown_noise
 
 if TYPE_CHECKING:
     import polars as pl

@@ -295,7 +295,7 @@ sys.path.insert(0, str(Path(sys.argv[1])))
 from test_kept_programs import problem
 from plantfit.native import kept_programs
 made, before = [], kept_programs._made
-kept_programs._made = lambda f, k, jitted, a: made.append(jitted.__name__.split("_")[1]) or before(f, k, jitted, a)
+kept_programs._made = lambda f, k, name, jitted, a: made.append(jitted.__name__.split("_")[1]) or before(f, k, name, jitted, a)
 """
     environment = {**os.environ, "PLANTFIT_CACHE": str(cache)}
     command = [sys.executable, "-c", begin + text, str(Path(__file__).parent)]

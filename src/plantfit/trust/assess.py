@@ -23,6 +23,7 @@ from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.finish.agreement import SAME, agreement, named, opened
 from plantfit.trust.finish.final_problem import CHECKED, rounding
 from plantfit.trust.finish.smoothing_strength import smoothing_rows
+from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.finish.weights import weight_rows
 from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdrawn
 from plantfit.trust.identify.determined import determined_findings
@@ -32,7 +33,6 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
-from plantfit.trust.intervals.unknown_noise import as_known
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError

@@ -11,12 +11,12 @@ from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
 from plantfit.space import Space
+from plantfit.trust.finish.unknown_noise import as_known, unknown_noise
 from plantfit.trust.identify.directions import Direction, flat_directions
 from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
-from plantfit.trust.intervals.unknown_noise import as_known, unknown_noise
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged

@@ -12,12 +12,12 @@ from plantfit.errors import SearchError
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate
+from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.heterogeneity.widened import effects
 from plantfit.trust.intervals.kinds.likelihood_draws import by_likelihood
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
-from plantfit.trust.intervals.unknown_noise import as_known
 
 ROUNDS = 60  # of draws until enough of them are within limits
 MORE_ROUNDS, MANY, FEW_KEPT = 40, 4096, 0.02  # further rounds of so many draws, where at least such a share has a cost that the data allow

@@ -11,9 +11,9 @@ from plantfit.errors import SpaceError
 from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
+from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below, output_errors
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
-from plantfit.trust.intervals.unknown_noise import as_known
 
 STEPS = 12  # points to either side at most
 CLOSE = 0.03  # of the interval's half width: how near an end is found

@@ -8,9 +8,9 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.study.comparing.symmetry import same_by_symmetry
+from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.intervals.follow.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
-from plantfit.trust.intervals.unknown_noise import as_known
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
 OTHERS, APART = 4, 0.05  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
