@@ -20,7 +20,9 @@ from plantfit.trust.experiment.criteria import KINDS, Difference, Precision
 from plantfit.trust.experiment.designed import Designed, Limits, designed, errors_after, gains
 from plantfit.trust.experiment.told import difference_sentences, precision_sentences
 from plantfit.trust.experiment.trial_record import TrialRecord
-from plantfit.trust.intervals.linearised import residual_blocks
+from plantfit.trust.finish.unknown_noise import few_samples, unknown_noise
+from plantfit.trust.intervals.covariance import errors_at
+from plantfit.trust.intervals.linearised import named_blocks
 from plantfit.trust.intervals.plausible import plausible
 from plantfit.units import in_unit
 
@@ -302,13 +304,17 @@ def _goal(
 ) -> Precision:  # fmt: skip
     problem, z = answer.problem, np.asarray(answer.best.x)
     outputs = problem.model.outputs
-    levels = _noise(problem, z) | {
-        n: in_unit(f"noise {n}", v, outputs[n], difference=True) for n, v in _named("noise", noise, set(outputs)).items()
-    }
+    given = {n: in_unit(f"noise {n}", v, outputs[n], difference=True) for n, v in _named("noise", noise, set(outputs)).items()}
+    if unknown := [n for n in unknown_noise(problem) if n not in given]:
+        raise SpecError(
+            f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples than there are free parameters. "
+            f"Give its noise, as in --noise {unknown[0]}=0.1."
+        )
+    levels = _noise(problem, z) | given
     rows = answer.findings["parameters"]
     plants = plausible(problem, z, rows, draws, seed).values if draws else np.asarray(problem.space.physical(z))[None]
     errors = np.array([np.nan if (e := {r["name"]: r["standard_error"] for r in rows}[n]) is None else e for n in problem.space.names])
-    information = _information(problem, z)
+    information = _information(problem, z, levels)
     inflation = _inflation(information, errors)
     trial = TrialRecord(problem, plants, t, levels, errors, watched)
     begins = np.array([trial.begins[n] for n in trial.model.inputs])
@@ -320,32 +326,30 @@ def _goal(
 
 
 def _noise(problem: Problem, z: np.ndarray) -> dict[str, float]:
-    """Standard deviation of the residuals of each output, in its unit."""
-    residuals, start = residuals_and_jacobian(problem.unsmoothed, z)[0], 0
-    squares: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
-    for name in problem.data["drive"]:
-        for output in problem.outputs:
-            n = len(problem.data["index"][name][output])
-            squares[output].append(residuals[start : start + n] ** 2)
-            start += n
-    count = sum(len(s) for own in squares.values() for s in own)
-    free = count / max(1, count - problem.space.dimension)
+    """Standard deviation of the errors of each output, in its unit."""
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    blocks = named_blocks(problem)
+    errors = errors_at(residuals, jacobian, [b for _, _, b in blocks])
     found = {}
-    for output, own in squares.items():
-        values = np.concatenate(own)
-        level = float(np.sqrt(np.mean(values) * free)) if len(values) else 0.0
+    for output in problem.outputs:
+        own = [residuals[b.rows] for _, o, b in blocks if o == output]
+        level = float(np.sqrt(errors[output].mean_square(np.concatenate(own)))) if own else 0.0
         found[output] = max(level, 1e-9) * problem.scales[output]
     return found
 
 
-def _information(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """Information (d, d) of the study's own recordings in the parameters' units, as if their errors were white."""
+def _information(problem: Problem, z: np.ndarray, levels: Mapping[str, float]) -> np.ndarray:
+    """Information (d, d) of the study's own recordings in the parameters' units, as if their errors were white.
+
+    Their size is that of the residuals; of outputs with few samples, which may be followed exactly, that of `levels` in their units.
+    """
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     jacobian = jacobian / problem.space.slopes(z)
-    found = np.zeros((jacobian.shape[1],) * 2)
-    for block in residual_blocks(problem):
+    found, few = np.zeros((jacobian.shape[1],) * 2), few_samples(problem)
+    for _, output, block in named_blocks(problem):
         r, j = residuals[block.rows], jacobian[block.rows]
-        found += j.T @ j / max(float(np.mean(r**2)), 1e-300)
+        size = (levels[output] / problem.scales[output]) ** 2 if output in few else float(np.mean(r**2))
+        found += j.T @ j / max(size, 1e-300)
     return found
 
 

@@ -1,6 +1,6 @@
 """Intervals of an answer's parameters by several kinds, side by side: covariance, profile likelihood, bootstrap, posterior."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
-from plantfit.trust.finish.unknown_noise import unknown_noise
+from plantfit.trust.finish.unknown_noise import rest_on_it, unknown_noise
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles
 from plantfit.trust.intervals.kinds.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.noise import noise_of
@@ -130,7 +130,9 @@ def compare_intervals(
         profiles[space.names[i]] = profile(problem, z, space.names[i], level)
     say("comparing")
     rows = {r["name"]: r for r in answer.findings["parameters"]}
-    compared = [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused) for i in places]
+    rest = rest_on_it(problem, residuals_and_jacobian(problem.unsmoothed, z)[1]) if unknown_noise(problem) else np.zeros(len(z), dtype=bool)
+    silent = {n for n, on in zip(space.names, rest, strict=True) if on}
+    compared = [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent) for i in places]
     if answer.errors:
         refused["errors"] = "Stated errors of instruments are in the verdict's intervals alone."
     made = ComparisonOfIntervals(
@@ -192,9 +194,9 @@ def _counted(say: Callable[[str], None], what: str) -> Callable[[int, int], None
 
 def _row(
     answer: Answer, z: np.ndarray, i: int, rows: Mapping[str, Any], kinds: Sequence[str], level: float, profiles: Mapping[str, Profile],
-    found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str],
+    found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str], silent: Collection[str],
 ) -> IntervalsOfParameter:  # fmt: skip
-    """All intervals of one coordinate."""
+    """All intervals of one coordinate; `silent` are those that rest on an output of unknown noise."""
     problem = answer.problem
     c, value = problem.space.coordinates[i], float(np.asarray(problem.space.physical(z))[i])
     own = rows[c.name]
@@ -210,9 +212,10 @@ def _row(
             p = profiles[c.name]
             more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
             all_of.append(_kind(kind, p.low, p.high, None, open_low=p.at_lower, open_high=p.at_upper, **more))
-        elif kind == "bootstrap" and own["status"] == "flat" and (silent := unknown_noise(problem)):
+        elif kind == "bootstrap" and own["status"] == "flat" and c.name in silent:
+            names = ", ".join(unknown_noise(problem))
             refused[f"bootstrap of {c.name}"] = (
-                f"Nothing shows how large the errors of {', '.join(silent)} are, so the bootstrap has no interval of {c.name}."
+                f"Nothing shows how large the errors of {names} are, so the bootstrap has no interval of {c.name}."
             )
             all_of.append(_kind(kind, None, None, None))
         elif kind == "bootstrap" and found is not None and len(found.values) > 1:

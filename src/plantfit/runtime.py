@@ -26,9 +26,6 @@ from threadpoolctl import threadpool_limits
 
 import jax
 
-# Compiler options of programs that run a few times, or spend their time in native loops: XLA takes half of its usual time for them.
-COMPILED_SOON = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
-
 threadpool_limits(1, user_api="blas")
 jax.config.update("jax_enable_x64", True)
 if jax.config.values["jax_compilation_cache_dir"] is None and (_xla := code_folder("xla")) is not None:

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from test_agreement import two_outputs
 
-from plantfit.errors import SpaceError
+from plantfit.errors import SpaceError, SpecError
+from plantfit.experiment_design import design
 from plantfit.findings import read_findings
 from plantfit.fitting import fit
+from plantfit.intervals_compared import compare_intervals
 from plantfit.models import equations
 from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.report import summary_text, write_report
+from plantfit.trust.verdict.all_sentences import _steps
 from plantfit.trust.verdict.weights import weight_sentences
 
 
@@ -104,7 +107,7 @@ def test_a_scale_does_not_go_to_zero_where_few_samples_are_followed_exactly(seed
     assert found.problem.scales["y"] == pytest.approx(0.05, rel=0.2)
     [said] = [v for v in found.findings["verdict"] if "count as 1" in v["sentence"]]
     assert said["level"] == "warning"
-    assert said["sentence"].endswith("so that it fixes no parameter. Give a scale for w if you know.")
+    assert said["sentence"].endswith("so that it fixes no parameter. Give a scale for w if you know the size of the errors.")
     rows = {row["name"]: row for row in found.findings["parameters"]}
     assert {n: rows[n]["status"] for n in ("K", "tau")} == {"K": "determined", "tau": "determined"}
     assert {"b", "c"}.isdisjoint(n for n, row in rows.items() if row["status"] == "determined" or row["standard_error"])
@@ -117,6 +120,53 @@ def test_few_samples_whose_errors_show_have_the_scale_of_their_errors():
     found = fit(seen_rarely([20, 60, 110, 150], noise=0.4), seed=1)
     assert found.problem.scale_sources["w"].kind == "residuals"
     assert 0.1 < found.problem.scales["w"] < 0.8
+
+
+def test_bootstrap_and_profile_have_no_interval_of_what_rests_on_unknown_noise():
+    said = "so the bootstrap has no interval of {}."
+    for given in (False, True):
+        problem = seen_rarely([60, 150], noise=0.4)
+        found = fit(problem.with_scales({"y": 0.05, "w": 0.4}) if given else problem, seed=1)
+        compared = compare_intervals(found, kinds=("profile", "bootstrap"), replicates=50).typed
+        told = " ".join(v.sentence for v in compared.verdict)
+        for row in compared.parameters:
+            kinds = {k.kind: k for k in row.kinds}
+            rests = row.name in ("b", "c") and not given
+            assert (said.format(row.name) in told) is rests
+            assert (kinds["bootstrap"].low is None) is rests
+            assert kinds["profile"].open_low is rests
+    widths = {n: k["profile"].high - k["profile"].low for n, k in ((r.name, {k.kind: k for k in r.kinds}) for r in compared.parameters)}
+    error = {row["name"]: row["standard_error"] for row in found.findings["parameters"]}
+    assert widths["b"] == pytest.approx(2 * 1.96 * error["b"], rel=0.1)
+
+
+def test_a_next_experiment_asks_for_a_noise_that_nothing_shows():
+    problem = seen_rarely([60, 150], noise=0.4)
+    found = fit(problem, seed=1)
+    with pytest.raises(SpecError, match=r"Nothing shows how large the errors of w are: .* Give its noise, as in --noise w=0.1"):
+        design(found, inputs={"u": (-2.0, 2.0)}, duration=5.0, budget=200)
+    told = design(found, inputs={"u": (-2.0, 2.0)}, duration=5.0, noise={"w": 0.4}, draws=1, budget=200)
+    assert told.typed.parameters
+
+
+@pytest.mark.parametrize(
+    ("residual", "error", "said", "level"),
+    [
+        (0.0, 1e-6, "beside which the residual is nothing: negligible.", "good"),
+        (1e-9, 1e-3, "beside which the residual is nothing: not negligible: ask for more substeps.", "warning"),
+        (1e-2, 1e-4, "off by 1 % of the residual: negligible.", "good"),
+        (1e-2, 1e-3, "off by 10 % of the residual: not negligible: ask for more substeps.", "warning"),
+    ],
+)
+def test_errors_of_the_simulation_are_held_to_what_says_something(residual, error, said, level):
+    outputs = {"y": {"measured": [0.0, 2.0, None, 9.0], "part": ["fit", "fit", "fit", "validation"]}}
+    row = {"unit": None, "max_error": error, "rms_error": error, "rms_residual": residual}
+    findings = {"recordings": [{"name": "a", "outputs": outputs}], "simulation": {"checked_with": "LSODA", "outputs": {"y": row}}}
+    (told,) = _steps(findings)
+    assert told["sentence"].endswith(said)
+    assert told["level"] == level
+    outputs["y"]["measured"][1] = 0.0  # a constant that is followed exactly: nothing can be said
+    assert list(_steps({**findings, "simulation": {"checked_with": "LSODA", "outputs": {"y": {**row, "rms_residual": 0.0}}}})) == []
 
 
 def test_a_scale_that_is_given_tells_the_errors_of_what_is_followed_exactly():

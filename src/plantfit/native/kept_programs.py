@@ -27,7 +27,6 @@ from plantfit.folders import code_folder
 from plantfit.native.compile.compilation import read_object, write_object
 from plantfit.native.compile.processor import available, host
 from plantfit.native.primitive import libm_of, register_kept
-from plantfit.runtime import COMPILED_SOON
 
 # isort: split
 import jax
@@ -37,9 +36,10 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 # Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew and stays in XLA's
 # cache under its old name for good, so that a bound which a day's work passes several times costs disk too.
 MOST_FILES = 10_000
-# Programs of finish and judgement. What a search asks thousands of times is worth all of XLA's optimisation, around native loops too:
-# without it, one candidate of a record with 24,400 samples takes three times as long.
-SOON = {"residuals_and_jacobian", "residuals_and_jacobian of several", "residuals of several", "blocks", "outputs"}
+# Around a native loop little is left to XLA: without the emitters of fused arithmetic it compiles in half to nine tenths of the time, and
+# the program is as fast (`python -m benchmarks.compile_time`). The arithmetic of an optimizer is worth them.
+NO_FUSION_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
+FUSED = {"generations"}
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
@@ -132,7 +132,7 @@ def _machine() -> bytes:
     """What XLA's executables depend on beside their text: versions, processor and flags."""
     own = host() if available() else None
     return repr(
-        (sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")), COMPILED_SOON)
+        (sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")), NO_FUSION_EMITTERS)
     ).encode()
 
 
@@ -174,9 +174,13 @@ class Kept:
 
     def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
         """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot be kept."""
-        folder = code_folder("programs") if _usual() and None not in shapes[1] else None
-        if folder is None or self.description is None:
+        if not _usual() or None in shapes[1]:
             return self._plain
+        folder = code_folder("programs")
+        if folder is None or self.description is None:  # the same bits as where it is kept
+            lowered = self._plain.lower(*args)
+            fused = self.name in FUSED or not _NATIVE.search(lowered.as_text())
+            return self._plain if fused else compiled(lowered, fused=False)
         key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
         return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args)
 
@@ -259,7 +263,7 @@ def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...])
         program = _loaded(folder, kept, args)
     if program is None:
         before = _seen.hits
-        program = compiled(lowered, soon=bool(natives) and name in SOON)
+        program = compiled(lowered, fused=not natives or name in FUSED)
         # XLA does not write down a program that it has read itself, nor one that calls back into this process
         if _seen.hits > before or _CALLBACK.search(text):
             return program
@@ -274,13 +278,13 @@ def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...])
     return program
 
 
-def compiled(lowered: Any, *, soon: bool) -> Any:
-    """The program that `jax.jit(...).lower(...)` gave, with little optimisation by XLA where it is wanted `soon`."""
-    if not soon:
+def compiled(lowered: Any, *, fused: bool) -> Any:
+    """The program that `jax.jit(...).lower(...)` gave, with XLA's fusion emitters or without."""
+    if fused:
         return lowered.compile()
     try:
-        return lowered.compile(COMPILED_SOON)
-    except jax.errors.JaxRuntimeError:  # an XLA that does not know one of the options
+        return lowered.compile(NO_FUSION_EMITTERS)
+    except jax.errors.JaxRuntimeError:  # an XLA that does not know the option
         return lowered.compile()
 
 

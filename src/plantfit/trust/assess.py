@@ -68,10 +68,9 @@ def assess(
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
-    known = as_known(problem)
-    rows, stepped = allowing_for_steps(known, best.x, local, rows)
+    rows, stepped = allowing_for_steps(as_known(problem), best.x, local, rows)
     determined = claimed(determined_findings(problem, local.linear, rows, ranges or {}), rows)
-    rows, uncertainty = uncertainty_findings(known, best.x, rows, errors, draws, seed)
+    rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})

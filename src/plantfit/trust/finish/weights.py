@@ -8,6 +8,7 @@ from plantfit.findings.recordings import Weight
 from plantfit.problem.evaluate import points
 from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
 from plantfit.problem.problem import Problem
+from plantfit.trust.finish.unknown_noise import few_samples
 
 ROUNDS = 10  # of estimating scales and searching with them
 SETTLED = 1e-4  # relative change of every scale that ends the rounds
@@ -34,7 +35,7 @@ def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarr
     for k in range(1, ROUNDS + 1) if names else ():
         scales = residual_scales(problem, z, names)
         settled = all(abs(scales[o] - problem.scales[o]) <= SETTLED * problem.scales[o] for o in names)
-        few = {o for o in names if scales[o] <= least_scale(problem, o) and _few(problem, o)}
+        few = {o for o in few_samples(problem).intersection(names) if scales[o] <= least_scale(problem, o)}
         problem = problem.with_scales({o: s for o, s in scales.items() if o not in few}, ScaleSource("residuals", k, settled))
         problem = problem.with_scales({o: scales[o] for o in few}, ScaleSource("few samples", k, settled)) if few else problem
         if settled:
@@ -59,14 +60,9 @@ def least_scale(problem: Problem, output: str) -> float:
     """The scale of an output, in its unit, below which no estimate goes."""
     y = np.concatenate(_measured(problem, output))
     spread = float(np.std(y))
-    if _few(problem, output):
+    if output in few_samples(problem):
         return FEW * (spread or float(np.max(np.abs(y), initial=0.0))) or 1e-12
     return max(1e-12, EXACT * spread)
-
-
-def _few(problem: Problem, output: str) -> bool:
-    """Whether an output has no more samples than the problem has free parameters."""
-    return sum(map(len, _measured(problem, output))) <= problem.space.dimension
 
 
 def _measured(problem: Problem, output: str) -> list[np.ndarray]:

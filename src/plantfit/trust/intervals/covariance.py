@@ -47,9 +47,9 @@ class OutputErrors:
 def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float) -> dict[str, OutputErrors]:
     """By output, from the derivatives (m, d) and the inverse (d, d) of J'J / `variance`, the mean square of all residuals.
 
-    An output of n samples that took part k in the estimates (the sum of its leverages) has n - k degrees of freedom left, of which the
-    whole problem has m - d; no more than that where there is one output. Few samples with scales that the user gave count by these: their
-    errors are as large as those of all, each in its scale.
+    An output of n samples whose leverages sum to k has n - k degrees of freedom left, of the m - d of the whole problem (D. A. Belsley and
+    others, Regression Diagnostics, 1980, section 2.1). Few samples with scales that the user gave have errors as large as those of all,
+    each in its scale.
     """
     m, d = j.shape
     left, counts = dict.fromkeys((b.output for b in blocks), 0.0), dict.fromkeys((b.output for b in blocks), 0)
@@ -70,10 +70,19 @@ def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, var
     }
 
 
+def errors_at(residuals: np.ndarray, j: np.ndarray, blocks: Sequence[Block]) -> dict[str, OutputErrors]:
+    """As `output_errors`, from residuals (m,) and derivatives (m, d) alone."""
+    variance = max(float(residuals @ residuals) / max(len(residuals) - np.linalg.matrix_rank(j), 1), 1e-300)
+    return output_errors(j, blocks, variance * np.linalg.pinv(j.T @ j, hermitian=True), variance)
+
+
 def own_student(
     j: np.ndarray, residuals: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float, common: float
 ) -> np.ndarray:
-    """How much longer (d,) than by the `common` degrees of freedom intervals are that rest on outputs of few samples, by Satterthwaite."""
+    """How much longer (d,) than by the `common` degrees of freedom intervals are that rest on outputs of few samples, by Satterthwaite.
+
+    Arguments as of `sandwich`.
+    """
     errors = output_errors(j, blocks, bread, variance)
     if min(e.degrees for e in errors.values()) >= min(MANY, common):
         return np.ones(j.shape[1])
@@ -207,14 +216,19 @@ def sandwich(
 ) -> np.ndarray:
     """Covariance (d, d) of the estimates: `bread` (d, d), the inverse of J'J / variance + `prior`, around what the residuals show.
 
-    Not `robust`, all residuals are of one size and without memory, which is the classical covariance.
+    Not `robust`, all residuals of an output are of one size and without memory, which is the classical covariance; where the user gave
+    their scales those of all outputs are.
     """
-    spread = bread @ prior @ bread
+    spread, errors = bread @ prior @ bread, output_errors(j, blocks, bread, variance)
     if not robust:
-        # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
-        influences = (j[block.rows] @ bread for block in blocks)
-        return spread + sum((i.T @ i for i in influences), np.zeros_like(spread)) / variance
-    alike, errors = spread.copy(), output_errors(j, blocks, bread, variance)
+        for block in blocks:
+            # by what residuals do to estimates: bread J'J bread would lose what parallel columns cancel
+            influences = j[block.rows] @ bread
+            pooled = block.scaled or len(errors) == 1
+            size = 1.0 if pooled else errors[block.output].mean_square(residuals[block.rows]) / variance
+            spread = spread + influences.T @ influences * (size / variance)
+        return spread
+    alike = spread.copy()
     for block in blocks:
         # what every residual does to every estimate: in these series nearly parallel columns of the
         # Jacobian have cancelled already, so that each may be filtered by its own memory

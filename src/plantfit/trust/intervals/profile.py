@@ -12,7 +12,7 @@ from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_lo
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
-from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below, output_errors
+from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below, output_errors, own_student
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
 
 STEPS = 12  # points to either side at most
@@ -156,17 +156,17 @@ class _Walk:
 
 
 def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
-    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`)."""
+    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`, `own_student`)."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
-    own, jacobian = int(np.sum(free[:place])), jacobian[:, free]
+    place_in, jacobian = int(np.sum(free[:place])), jacobian[:, free]
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - int(free.sum())), np.finfo(float).tiny)
     blocks = residual_blocks(problem)
     hessian = normal_matrix(jacobian, blocks) / variance
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
     whole = np.linalg.inv(curved + box_prior(curved))
-    bread, sizes = whole[own], output_errors(jacobian, blocks, whole, variance)
+    bread, sizes = whole[place_in], output_errors(jacobian, blocks, whole, variance)
     plain = float(bread @ hessian @ bread)
     robust, total, square = 0.0, 0.0, 0.0
     for block in blocks:
@@ -178,4 +178,5 @@ def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
         robust += max(found, own) if errors.least else found
         total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
     least = not_below(np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals))[0]
-    return variance, max(robust, least) / max(plain, np.finfo(float).tiny)
+    longer = own_student(jacobian, residuals, blocks, whole, variance, float(max(1, len(residuals) - len(whole))))[place_in]
+    return variance, longer**2 * max(robust, least) / max(plain, np.finfo(float).tiny)

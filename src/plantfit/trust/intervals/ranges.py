@@ -123,7 +123,7 @@ def linear_problem(
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
     least, most = np.minimum(least, 0.0), np.maximum(most, 0.0)
-    longer = own_student(j, residuals, blocks, bread, variance, samples - len(at)) if robust else 1.0
+    longer = own_student(j, residuals, blocks, bread, variance, samples - len(at))
     threshold = (quantile * longer) ** 2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
         values, size, least, most, rows, rest, spread, threshold, quantile, variance,

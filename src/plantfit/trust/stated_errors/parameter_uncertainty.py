@@ -12,6 +12,7 @@ from plantfit.errors import SpaceError
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.trust.finish.refit import refit
+from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.intervals.covariance import box_prior, covariance, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.linearised import EDGE, linearise, residual_blocks
@@ -175,6 +176,7 @@ def check_errors(problem: Problem, errors: Sequence[SharedError]) -> None:
 def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[Problem, np.ndarray]:
     """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
     check_errors(problem, errors)
+    problem = as_known(problem)
     z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
     bounds, held, known = {}, {}, problem.space.parameters
     for name in dict.fromkeys(e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names):

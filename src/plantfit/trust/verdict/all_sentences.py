@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.optimize.contract import RunResult
+from plantfit.problem.accuracy.verification import NOTHING
 from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
@@ -18,6 +19,7 @@ from plantfit.trust.verdict.weights import weight_sentences
 from plantfit.trust.verdict.words import Sentence, say, with_unit
 
 Findings = Mapping[str, Any]
+ENOUGH = 0.05  # of the residual: an error of the simulation that is less is negligible
 LISTED = 6  # directions along which parameters move together that get a sentence each
 
 
@@ -76,9 +78,6 @@ def _refused(findings: Findings, best: RunResult) -> Iterator[Sentence]:
         yield say("warning" if "still" in told else "info", told)
 
 
-NOTHING = 1e-5  # of the spread of the samples: a residual (rms) beside which it says nothing how far the simulation is off
-
-
 def _steps(findings: Findings) -> Iterator[Sentence]:
     if refused := findings["simulation"].get("refused"):
         yield say("bad", f"The answer is refused: in recording {findings['simulation']['recording']}, {refused}.")
@@ -87,17 +86,17 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
     reached, samples = findings["simulation"].get("checked_samples"), findings["simulation"].get("samples")
     part = "" if refused or reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
     for name, o in findings["simulation"].get("outputs", {}).items():
-        nothing = NOTHING * _spread(findings, name)
-        if not (o["rms_residual"] or nothing):
+        spread = _spread(findings, name)
+        if not (o["rms_residual"] or spread):
             continue
         text = (
             f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{part}{where} "
             f"({findings['simulation']['checked_with']}); in the rms it is off by "
         )
-        if o["rms_residual"] < nothing:  # as of data without noise, or followed exactly: a share of it says nothing
-            share, most, of = o["rms_error"] * NOTHING / nothing, NOTHING, "spread of the samples, beside which the residual is nothing"
+        if o["rms_residual"] < NOTHING * spread:  # as of data without noise, or followed exactly: a share of it says nothing
+            share, most, of = o["rms_error"] / spread, NOTHING, "spread of the samples, beside which the residual is nothing"
         else:
-            share, most, of = o["rms_error"] / o["rms_residual"], 0.05, "residual"
+            share, most, of = o["rms_error"] / o["rms_residual"], ENOUGH, "residual"
         level = "good" if share < most else "warning"
         end = "negligible" if share < most else "not negligible: ask for more substeps"
         yield say(level, f"{text}{100 * share:.2g} % of the {of}: {end}.", max_error=o["max_error"], share=share)

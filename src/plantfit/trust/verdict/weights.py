@@ -22,5 +22,6 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     few = [row["output"] for row in rows if row.get("few")]
     if few:
         names, fix, scales = ", ".join(few[:LISTED]), *(("it fixes", "a scale") if len(few) == 1 else ("they fix", "scales"))
-        text += f" Nothing shows how large the errors of {names} are, so that {fix} no parameter. Give {scales} for {names} if you know."
+        text += f" Nothing shows how large the errors of {names} are, so that {fix} no parameter."
+        text += f" Give {scales} for {names} if you know the size of the errors."
     yield say("warning" if changing or few else "info", text)

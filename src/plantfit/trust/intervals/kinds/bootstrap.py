@@ -11,7 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.covariance import output_errors
+from plantfit.trust.intervals.covariance import errors_at
 from plantfit.trust.intervals.linearised import EDGE, named_blocks, residual_blocks
 
 TIMES = 10  # correlation times of the residuals in a block
@@ -44,8 +44,7 @@ def bootstrap(
     r, jacobian = residuals_and_jacobian(data, z)
     rng = np.random.default_rng(seed)
     lengths, series = _series(problem, r)
-    variance = max(float(r @ r) / max(len(r) - np.linalg.matrix_rank(jacobian), 1), 1e-300)
-    errors = output_errors(jacobian, residual_blocks(data), variance * np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), variance)
+    errors = errors_at(r, jacobian, residual_blocks(data))
     values, lost = [], 0
     for k in range(replicates):
         shift = np.zeros_like(r)
