@@ -20,6 +20,7 @@ from plantfit.trust.verdict.words import Sentence, say, with_unit
 
 Findings = Mapping[str, Any]
 ENOUGH = 0.05  # of the residual: an error of the simulation that is less is negligible
+ALONE = 1e-4  # of the spread of the samples, where the residual is nothing: ten times what the steps are made for
 LISTED = 6  # directions along which parameters move together that get a sentence each
 
 
@@ -94,7 +95,7 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
             f"({findings['simulation']['checked_with']}); in the rms it is off by "
         )
         if o["rms_residual"] < NOTHING * spread:  # as of data without noise, or followed exactly: a share of it says nothing
-            share, most, of = o["rms_error"] / spread, NOTHING, "spread of the samples, beside which the residual is nothing"
+            share, most, of = o["rms_error"] / spread, ALONE, "spread of the samples, beside which the residual is nothing"
         else:
             share, most, of = o["rms_error"] / o["rms_residual"], ENOUGH, "residual"
         level = "good" if share < most else "warning"
