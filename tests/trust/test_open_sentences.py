@@ -90,7 +90,7 @@ def test_a_value_on_zero_is_not_to_be_made_negative_where_physics_forbids_it(zer
 def test_the_error_of_a_simulation_is_told_at_its_worst_and_in_the_rms(share, level):
     output = {"max_error": 0.004, "rms_error": share * 0.01, "rms_residual": 0.01, "unit": "A"}
     simulation = {"outputs": {"i": output, "exact": {**output, "rms_residual": 0.0}}, "checked_with": "scipy LSODA"}
-    (said,) = _steps({"simulation": simulation, "recordings": [{}]})
+    (said,) = _steps({"simulation": simulation, "recordings": [{"outputs": {}}]})
     assert said["level"] == level
     assert "exact to 0.004 A at worst (scipy LSODA); in the rms it is off by" in said["sentence"]
     assert f"{100 * share:.2g} % of the residual: {'negligible.' if level == 'good' else 'not negligible'}" in said["sentence"]
