@@ -1,17 +1,20 @@
 """Steps as long as their error allows, each candidate with its own: for sharp friction and stiff corners of a box.
 
 One step is the third-order exponential Rosenbrock pair exprb32 (M. Hochbruck, A. Ostermann, J. Schweitzer, SIAM J. Numer. Anal. 47
-(2009) 786). Its functions of Z are exact for one and two states, whose eigenvalues are known in closed form: between the moments at which
-friction turns round, a motor takes one step. For more states, and where both eigenvalues are nearly the same, rational functions stand
-in place of the exponential ones, all with the denominator of `steppers.exponential`,
+(2009) 786). Rational functions stand in place of its functions of Z, all with the denominator of `steppers.exponential`,
 
     x1 = x + h v                                        (order 2)
     x2 = x1 + 2 h phi3(Z) dN,  dN = f(x1) - f(x) - Z v - d,   2 phi3(Z) = (1 - 5/12 Z)/(3 (1 - 2/3 Z + Z^2/6)),           (1)
 
 and goes on with x2. The error of a step is taken as h |2 phi3(Z) dN|, what the second stage changed, plus that of the rational
 exponential on the linear part, h |Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)|/72, each state's as a share of the largest size that the state
-has had in this interval: a state that has died away asks for nothing. A state that begins at zero grows as a power of time, so that its
-error is the same share of it however short a step is: it counts as large as it would be after a hundredth of the interval at its rate.
+has had in this interval: a state that has died away asks for nothing, and neither does what rounding of the rate leaves of a state at rest.
+A state that begins at zero grows as a power of time, so that its error is the same share of it however short a step is: it counts as large
+as it would be after a hundredth of the interval at its rate.
+
+Most intervals are good in one such step, which costs twice that of `steppers.exponential` (`_at_once`). Where it is not, and the linear
+part is to blame, one and two states have functions of Z that are exact, as their eigenvalues are known in closed form: between the
+moments at which friction turns round, a motor takes one step. Only then is the interval divided (`_divided`).
 
 A step could be exact enough although the rate turns round in it: friction is then jumped over to and fro, far inside of the tolerance
 and without end. Such a step is tried anew with a tenth of its length, which finds where the state sticks.
@@ -22,15 +25,15 @@ lengths of steps are constant shares of the interval.
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.steps.steppers import dot, drift_of, factored, jacobian_of, plus, times
+from plantfit.simulate.steps.steppers import Matrix, dot, drift_of, factored, jacobian_of, plus, times
+from plantfit.simulate.steps.switching.switched import Switching
 
 import jax
 import jax.numpy as jnp
-
-Stepper = Callable[..., tuple[Any, ...]]
 
 TOLERANCE = 0.1  # error of a step as a share of the state, at fineness 1
 FINEST = 1000  # 1e-10 of the state
@@ -39,6 +42,9 @@ SHORT, LOST = 1e-15, 2.0  # of the interval: a step that is none, and where a st
 SOON = 0.01  # of the interval, for which a state that began at zero is taken to grow as it does now
 APART, STEEPEST = 0.01, 50.0  # eigenvalues of Z this far apart and up to this are taken by their exponentials
 NEAR, TERMS = 0.01, 5  # size of an eigenvalue below which series are taken, and their terms
+WHOLE = 0.3  # of the allowed error, for an interval in one step: what follows in the next ones has not been seen
+ROUGH = 0.1  # of the allowed error, up to which the linear part is left to rational functions
+NOISE = 1e-14  # rounding of a rate, as a share of the terms that it is a sum of
 SAFETY, SHORTEST, LONGEST = 0.9, 0.1, 5.0  # of the next step, in lengths of this one
 BENT, SEEN = 0.25, 1e-5  # share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
 
@@ -48,60 +54,109 @@ def tolerance(fineness: int) -> float:
     return TOLERANCE / fineness**3
 
 
-def adaptive(fineness: int) -> Stepper:
+def adaptive(fineness: int) -> Switching:
     """A stepper (see `steppers`) that divides the interval it is given as the error of each part asks for.
 
     States are NaN where an interval takes more than 8000 trials.
     """
     allowed = tolerance(fineness)
 
-    def stepper(rate, x, u0, u1, h, p, varying, pattern=None):
-        def between(share):
-            return tuple(a + (b - a) * share for a, b in zip(u0, u1, strict=True)) if varying else u0
+    def quiet(rate, x, u0, u1, h, p, varying, pattern=None):
+        later, good = _at_once(rate, x, u0, u1, h, p, varying, pattern, allowed)
+        return later, ~good
 
-        def tried(carry):
-            x, done, length, largest = carry
-            length = jnp.minimum(length, 1.0 - done)
-            last = length >= 1.0 - done
-            end = jnp.where(last, 1.0, done + length)
-            later, errors, bent, way = _pair(rate, x, between(done), u1 if not varying else between(end), length * h, p, varying, pattern)
-            size = tuple(jnp.maximum(s, jnp.abs(jax.lax.stop_gradient(b))) for s, b in zip(largest, later, strict=True))
-            soon = tuple(  # how large a state that began at zero is going to be
-                jnp.where(v == 0.0, jnp.maximum(s, SOON * jnp.abs(jax.lax.stop_gradient(h * w))), s)
-                for v, s, w in zip(begin, size, way, strict=True)
-            )
-            worst, strained = jnp.zeros(()), False
-            for e, s, larger, b in zip(errors, size, soon, bent, strict=True):
-                share = jax.lax.stop_gradient(e) / jnp.maximum(allowed * larger, 1e-300)
-                strained |= b & (share > SEEN) & (larger <= s)  # what begins at zero is bent at first, as a power of time
-                worst = jnp.where((share > worst) | jnp.isnan(share), share, worst)
-            # nothing comes after a state that is not finite, or that no step leads away from: a pole
-            stuck = (length < SHORT) & ~last
-            lost = ~jnp.isfinite(sum(map(jax.lax.stop_gradient, x))) | stuck
-            good = ((worst <= 1.0) & ~strained) | lost
-            factor = jnp.clip(SAFETY / jnp.sqrt(jnp.sqrt(jnp.maximum(worst, 1e-6))), SHORTEST, LONGEST)
-            factor = jnp.where(jnp.isfinite(worst) & ~strained, factor, SHORTEST)
-            return (
-                tuple(jnp.where(good, b, a) for a, b in zip(x, later, strict=True)),
-                jnp.where(lost, jnp.where(stuck, LOST, 1.0), jnp.where(good, end, done)),
-                length * factor,
-                tuple(jnp.where(good, b, a) for a, b in zip(largest, size, strict=True)),
-            )
-
-        begin = tuple(jnp.asarray(v, dtype=float) for v in x)
-        carry = (begin, jnp.zeros(()), jnp.ones(()), tuple(jnp.abs(jax.lax.stop_gradient(v)) for v in begin))
-        x, done, *_ = _repeated(tried, LEVELS)(carry)
-        return tuple(jnp.where((done < 1.0) | (done >= LOST), jnp.nan, v) for v in x)
-
-    return stepper
+    return Switching(partial(_divided, _until, allowed), partial(_divided, _in_blocks, allowed), quiet)
 
 
-def _repeated(tried: Callable, levels: int) -> Callable:
-    """`tried` until the interval is done, at most WIDTH^levels times: loops in loops, so that what is not needed is skipped in blocks,
-    and backwards only the carry of each is kept."""
+def _divided(repeated, allowed, rate, x, u0, u1, h, p, varying, pattern=None):
+    """The states after an interval in as many steps as their error asks for; `repeated` is the loop around a trial."""
+
+    def between(share):
+        return tuple(a + (b - a) * share for a, b in zip(u0, u1, strict=True)) if varying else u0
+
+    def tried(carry):
+        x, done, length, largest = carry
+        length = jnp.minimum(length, 1.0 - done)
+        last = length >= 1.0 - done
+        end = jnp.where(last, 1.0, done + length)
+        found = _trial(rate, x, between(done), between(end) if varying else u1, length * h, p, varying, pattern, allowed)
+        size = tuple(map(jnp.maximum, largest, map(_size, found.later)))
+        soon = tuple(  # how large a state that began at zero is going to be
+            jnp.where(v == 0.0, jnp.maximum(s, SOON * _size(h * w)), s) for v, s, w in zip(begin, size, found.way, strict=True)
+        )
+        # what begins at zero is bent at first, as a power of time
+        may = [a <= b for a, b in zip(soon, size, strict=True)]
+        worst, strained = _worst(found, soon, allowed), _strained(found, soon, allowed, may)
+        # nothing comes after a state that is not finite, or that no step leads away from: a pole
+        stuck = (length < SHORT) & ~last
+        lost = ~jnp.isfinite(sum(map(jax.lax.stop_gradient, x))) | stuck
+        good = ((worst <= 1.0) & ~strained) | lost
+        return (
+            tuple(jnp.where(good, b, a) for a, b in zip(x, found.later, strict=True)),
+            jnp.where(lost, jnp.where(stuck, LOST, 1.0), jnp.where(good, end, done)),
+            length * _factor(worst, strained),
+            tuple(jnp.where(good, b, a) for a, b in zip(largest, size, strict=True)),
+        )
+
+    begin = tuple(jnp.asarray(v, dtype=float) for v in x)
+    x, done, *_ = repeated(tried)((begin, jnp.zeros(()), jnp.ones(()), tuple(map(_size, begin))))
+    return tuple(jnp.where((done < 1.0) | (done >= LOST), jnp.nan, v) for v in x)
+
+
+def _at_once(rate, x, u0, u1, h, p, varying, pattern, allowed) -> tuple[tuple[Any, ...], Any]:
+    """The states after an interval in one step by rational functions, and whether that is good, judged in few words: `_trial` may find
+    good what is refused here."""
+    z, _, linear, more, later = _stages(rate, x, u0, u1, h, p, varying, pattern, None)
+    good, per = jnp.ones((), dtype=bool), 1.0 / jnp.maximum(h, 1e-300)
+    for a, row, c, e in zip(x, z, more, linear, strict=True):
+        good &= _size(plus(c, e)) <= (WHOLE * allowed * per) * _size(a) + (NOISE * per) * _size(dot(row, x))
+    return later, good
+
+
+def _size(a: Any) -> Any:
+    return jnp.abs(jax.lax.stop_gradient(a))
+
+
+def _worst(found: "_Trial", size: Sequence[Any], allowed: float) -> Any:
+    """The largest error of a trial as a share of what is allowed; NaN where one is not a number."""
+    worst = jnp.zeros(())
+    for e, n, s in zip(found.errors, found.noise, size, strict=True):
+        share = jnp.maximum(e - n, 0.0) / jnp.maximum(allowed * s, 1e-300)
+        worst = jnp.where((share > worst) | jnp.isnan(share), share, worst)
+    return worst
+
+
+def _strained(found: "_Trial", size: Sequence[Any], allowed: float, may: Sequence[Any]) -> Any:
+    """Whether the rate may turn round in a step, of states that `may` tell it."""
+    strained = jnp.zeros((), dtype=bool)
+    for e, n, s, bent, told in zip(found.errors, found.noise, size, found.bent, may, strict=True):
+        strained |= bent & told & (e > SEEN * allowed * s + n)
+    return strained
+
+
+def _factor(worst: Any, strained: Any) -> Any:
+    """Length of the next trial, in lengths of this one."""
+    factor = jnp.clip(SAFETY / jnp.sqrt(jnp.sqrt(jnp.maximum(worst, 1e-6))), SHORTEST, LONGEST)
+    return jnp.where(jnp.isfinite(worst) & ~strained, factor, SHORTEST)
+
+
+def _until(tried: Callable) -> Callable:
+    """`tried` until the interval is done, at most WIDTH^LEVELS times; no derivatives are taken of it."""
+
+    def trials(carry):
+        def more(state):
+            return (state[0][1] < 1.0) & (state[1] < WIDTH**LEVELS)
+
+        return jax.lax.while_loop(more, lambda state: (tried(state[0]), state[1] + 1), (carry, 0))[0]
+
+    return trials
+
+
+def _in_blocks(tried: Callable, levels: int = LEVELS) -> Callable:
+    """The same as loops in loops, so that what is not needed is skipped in blocks, and backwards only the carry of each is kept."""
     if levels == 0:
         return tried
-    inner = _repeated(tried, levels - 1)
+    inner = _in_blocks(tried, levels - 1)
 
     def needed(carry, _):
         return jax.lax.cond(carry[1] < 1.0, inner, lambda carry: carry, carry), None
@@ -109,23 +164,70 @@ def _repeated(tried: Callable, levels: int) -> Callable:
     return jax.checkpoint(lambda carry: jax.lax.scan(needed, carry, None, length=WIDTH)[0])
 
 
-def _pair(rate, x, u0, u1, h, p, varying, pattern) -> tuple[tuple[Any, ...], Sequence[Any], Sequence[Any], Sequence[Any]]:
-    """The states after a step (eq. 1), the estimated error of each, whether its second stage changed much of its way, and its mean
-    rate."""
-    n = len(x)
+class _Trial(NamedTuple):
+    """What a step gives: of every state its later value (eq. 1), the estimated error, what rounding of the rate may add to it, whether
+    the second stage changed much of its way, and its mean rate."""
+
+    later: tuple[Any, ...]
+    errors: tuple[Any, ...]
+    noise: tuple[Any, ...]
+    bent: tuple[Any, ...]
+    way: tuple[Any, ...]
+
+
+def _trial(rate, x, u0, u1, h, p, varying, pattern, allowed) -> _Trial:
+    """One step of length h (s), whose error may be the share `allowed` of a state."""
+
+    def noise_of(z):
+        return tuple(NOISE * sum((_size(times(a, b)) for a, b in zip(row, x, strict=True)), jnp.zeros(())) for row in z)
+
+    def limits(z):
+        return [ROUGH * allowed * _size(a) + m for a, m in zip(x, noise_of(z), strict=True)]
+
+    z, v, linear, more, later = _stages(rate, x, u0, u1, h, p, varying, pattern, limits)
+    errors = tuple(_size(h * a) + _size(h * e) for a, e in zip(more, linear, strict=True))
+    bent = tuple(_size(a) > BENT * _size(b) for a, b in zip(more, v, strict=True))
+    return _Trial(later, errors, noise_of(z), bent, tuple(plus(a, b) for a, b in zip(v, more, strict=True)))
+
+
+def _stages(rate, x, u0, u1, h, p, varying, pattern, limits: Callable[[Matrix], Sequence[Any]] | None):
+    """Z, v and the error of its linear part, 2 phi3(Z) dN, and the later states of eq. (1); `limits` of Z as `_linear` takes them."""
     f, jacobian = jacobian_of(rate, x, u0, p, pattern)
     z = [[times(h, a) for a in row] for row in jacobian]
-    d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
-    phi = (_functions, _functions_of_one, _functions_of_two)[n if n <= 2 else 0](z)
-    v = phi.first(f, d)
+    d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * len(x)
+    v, linear, second = _linear(z, f, d, h, None if limits is None else limits(z))
     first = tuple(a + h * b for a, b in zip(x, v, strict=True))
     after = rate(first, u1, p)
-    rest = [a - b - plus(dot(row, v), c) for a, b, c, row in zip(after, f, d, z, strict=True)]
-    second, linear = phi.second(rest), phi.error([plus(a, b) for a, b in zip(f, d, strict=True)])
-    later = tuple(a + h * b for a, b in zip(first, second, strict=True))
-    way = [plus(a, b) for a, b in zip(v, second, strict=True)]
-    errors = [jnp.abs(h) * (jnp.abs(a) + jnp.abs(b)) for a, b in zip(second, linear, strict=True)]
-    return later, errors, [jnp.abs(a) > BENT * jnp.abs(b) for a, b in zip(second, v, strict=True)], way
+    more = second([a - b - plus(dot(row, v), c) for a, b, c, row in zip(after, f, d, z, strict=True)])
+    return z, v, linear, more, tuple(a + h * b for a, b in zip(first, more, strict=True))
+
+
+def _linear(
+    z: Matrix, f: Sequence[Any], d: Sequence[Any], h: Any, limits: Sequence[Any] | None
+) -> tuple[Sequence[Any], Sequence[Any], Callable[[Sequence[Any]], list[Any]]]:
+    """v = phi1(Z) f + phi2(Z) d, the error of what stands for the exponential there, and the function y -> 2 phi3(Z) y.
+
+    By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times that error is above `limits`.
+    """
+    moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
+    if len(f) > 2:
+        phi = _functions(z)
+        return phi.first(f, d), phi.error(moved), phi.second
+    of = _of_one if len(f) == 1 else _of_two
+
+    def found(values: Values) -> tuple[list[Any], list[Any], tuple[Any, ...]]:
+        v = [plus(a, b) for a, b in zip(of(z, values[0], f), of(z, values[1], d), strict=True)]
+        return v, of(z, values[3], moved), values[2]
+
+    rational, exact = _both_of_one(z) if len(f) == 1 else _both_of_two(z)
+    v, linear, third = found(rational)
+    if limits is not None:
+        fine = jnp.ones((), dtype=bool)
+        for e, most in zip(linear, limits, strict=True):
+            fine &= _size(h * e) <= most
+        given = v, linear, third
+        v, linear, third = jax.lax.cond(fine, lambda: given, lambda: found(exact()))
+    return v, linear, lambda y: of(z, third, y)
 
 
 class _Functions(NamedTuple):
@@ -159,62 +261,65 @@ def _functions(z) -> _Functions:
     return _Functions(first, lambda y: solve([a / 3.0 - times(5.0 / 36.0, dot(row, y)) for a, row in zip(y, z, strict=True)]), error)
 
 
-def _functions_of_one(z) -> _Functions:
-    """Of one state: the exponential ones, but for large growth."""
+Values = tuple[tuple[Any, ...], ...]
+"""What phi1, phi2, 2 phi3 and the error are: c of c I, or (c, g) of c I + g Z."""
+
+
+def _of_one(z: Matrix, value: tuple[Any, ...], y: Sequence[Any]) -> list[Any]:
+    return [times(value[0], y[0])]
+
+
+def _of_two(z: Matrix, value: tuple[Any, ...], y: Sequence[Any]) -> list[Any]:
+    return [plus(times(value[0], a), times(value[1], dot(row, y))) for a, row in zip(y, z, strict=True)]
+
+
+def _both_of_one(z: Matrix) -> tuple[Values, Callable[[], Values]]:
+    """The rational functions of one state, and the exponential ones, but for large growth."""
     value = jnp.asarray(z[0][0], dtype=float)
-    holds = value < STEEPEST
-    exact = _phi(jnp.where(holds, value, -1.0))
-    rational = _functions(z)
+    inverse = 1.0 / (1.0 + value * (value / 6.0 - 2.0 / 3.0))
+    rational = tuple((a * inverse,) for a in (1.0 - value / 6.0, 0.5 - value / 6.0, 1.0 / 3.0 - 5.0 / 36.0 * value, value * value / 72.0))
 
-    def chosen(k, y, otherwise):
-        return [jnp.where(holds, times(exact[k], a), b) for a, b in zip(y, otherwise, strict=True)]
+    def exact() -> Values:
+        holds = value < STEEPEST
+        one, two, three = _phi(jnp.where(holds, value, -1.0))
+        found = ((one,), (two,), (2.0 * three,), (jnp.zeros(()),))
+        return jax.tree.map(lambda a, b: jnp.where(holds, a, b), found, rational)
 
-    def first(f, d):
-        own = [plus(a, b) for a, b in zip(chosen(0, f, f), chosen(1, d, d), strict=True)]
-        return [jnp.where(holds, a, b) for a, b in zip(own, rational.first(f, d), strict=True)]
-
-    return _Functions(
-        first,
-        lambda y: chosen(2, [2.0 * a for a in y], rational.second(y)),
-        lambda moved: [jnp.where(holds, 0.0, b) for b in rational.error(moved)],
-    )
+    return rational, exact
 
 
-def _functions_of_two(z) -> _Functions:
-    """Of two states, as c I + g Z each: by the divided difference of real eigenvalues, by the imaginary part of complex ones;
-    rational ones where both are close together, or both small."""
+def _both_of_two(z: Matrix) -> tuple[Values, Callable[[], Values]]:
+    """The rational functions of two states, and the exponential ones: by the divided difference of real eigenvalues, by the imaginary
+    part of complex ones; rational ones where both are close together, or both small."""
     half = 0.5 * jnp.asarray(plus(z[0][0], z[1][1]), dtype=float)
     det = jnp.asarray(plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0]))), dtype=float)
-    # (trace/2)^2 - det without its cancellation
-    square = (0.5 * plus(z[0][0], times(-1.0, z[1][1]))) ** 2 + jnp.asarray(times(z[0][1], z[1][0]), dtype=float)
-    turning, size = square < 0.0, jnp.abs(half)
-    way = jnp.sqrt(jnp.maximum(jnp.abs(square), APART**2))
-    holds = (jnp.abs(square) > APART**2) & (size + way > NEAR) & (half + jnp.where(turning, 0.0, way) < STEEPEST)
-    exact = _exponential(jnp.where(holds, half, -1.0), way, turning)
-    found = [jnp.where(holds, a, b) for a, b in zip(exact, _rational(half, det), strict=True)]
+    rational = _rational(half, det)
 
-    def of(k, y):
-        return [plus(times(found[2 * k], a), times(found[2 * k + 1], dot(row, y))) for a, row in zip(y, z, strict=True)]
+    def exact() -> Values:
+        # (trace/2)^2 - det without its cancellation
+        square = (0.5 * plus(z[0][0], times(-1.0, z[1][1]))) ** 2 + jnp.asarray(times(z[0][1], z[1][0]), dtype=float)
+        turning, size = square < 0.0, jnp.abs(half)
+        way = jnp.sqrt(jnp.maximum(jnp.abs(square), APART**2))
+        holds = (jnp.abs(square) > APART**2) & (size + way > NEAR) & (half + jnp.where(turning, 0.0, way) < STEEPEST)
+        found = _exponential(jnp.where(holds, half, -1.0), way, turning)
+        return jax.tree.map(lambda a, b: jnp.where(holds, a, b), found, rational)
 
-    return _Functions(
-        lambda f, d: [plus(a, b) for a, b in zip(of(0, f), of(1, d), strict=True)], lambda y: of(2, y), lambda moved: of(3, moved)
-    )
+    return rational, exact
 
 
-def _rational(half: Any, det: Any) -> list[Any]:
-    """(c, g) of all four: (I - 2/3 Z + Z^2/6)^-1 (c' I + g' Z) with Z^2 = trace Z - det I."""
+def _rational(half: Any, det: Any) -> Values:
+    """(I - 2/3 Z + Z^2/6)^-1 (c' I + g' Z) with Z^2 = trace Z - det I."""
     trace = 2.0 * half
     a, b = 1.0 - det / 6.0, trace / 6.0 - 2.0 / 3.0
     inverse = 1.0 / (a * a + b * (trace - 2.0 / 3.0 * det))  # a^2 + a b trace + b^2 det, without the terms that cancel
     a, b = a * inverse, b * inverse
-    found = [
-        (c * (a + b * trace) + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0))
-    ]
-    return [v for pair in found for v in pair] + [-a * det / 72.0, (b * det + a * trace) / 72.0]
+    whole = a + b * trace
+    found = ((c * whole + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0)))
+    return (*found, (-a * det / 72.0, (b * det + a * trace) / 72.0))
 
 
-def _exponential(half: Any, way: Any, turning: Any) -> list[Any]:
-    """(c, g) of all four, for the eigenvalues half +- way, or half +- i way where it is `turning`; the last is no error."""
+def _exponential(half: Any, way: Any, turning: Any) -> Values:
+    """Those for the eigenvalues half +- way, or half +- i way where it is `turning`; the last is no error."""
     signed = jnp.where(half < 0.0, -way, way)
     far = jnp.where(turning, half, half + signed)
     grown = jnp.exp(far)
@@ -226,8 +331,8 @@ def _exponential(half: Any, way: Any, turning: Any) -> list[Any]:
         real, imaginary = (a * half + b * way) * inverse, (b * half - a * way) * inverse
         by_z = jnp.where(turning, imaginary * per_way, (once[k] - small[k]) * jnp.where(half < 0.0, -0.5, 0.5) * per_way)
         own = jnp.where(turning, real, 0.5 * (once[k] + small[k])) - half * by_z
-        found += [share * own, share * by_z]
-    return [*found, 0.0, 0.0]
+        found.append((share * own, share * by_z))
+    return (*found, (jnp.zeros(()), jnp.zeros(())))
 
 
 def _phi(value: Any) -> tuple[Any, Any, Any]:
