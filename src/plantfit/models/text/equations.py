@@ -11,6 +11,8 @@ from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
+from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
+from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
 from plantfit.models.text.expression import Node
 from plantfit.models.text.friction_text import FrictionTable
@@ -18,7 +20,6 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
-from plantfit.models.text.unit_check import UnitChecker, unit_of
 
 # isort: split
 import jax.numpy as jnp
@@ -248,6 +249,32 @@ class _Builder:
         states = {n: unit_of(u, f"state {n!r}") for n, u in d.states.items()}
         if not check:
             return
+        whole = self._whole_model()
+        try:
+            self._check_known_units(named, states, outputs)
+        except EquationError as error:
+            found = whole.contradiction()
+            line = None if found is None else found[0].line(found[1])
+            if line is None:
+                raise
+            raise EquationError(f"{error.reason.rstrip('.')}. {line}", error.text, error.line, error.column) from None
+        whole.check()
+
+    def _whole_model(self) -> WholeModel:
+        """What all statements say about units, also about those that nobody declared."""
+        channels = {d.channel: d.input for d in self.table.delays.values()}
+        channels |= {d.channel: d.state for d in self.table.state_delays.values()}
+        whole = WholeModel(self.declared, self.text, self.values, channels)
+        whole.delays(self.table.times)
+        whole.values(self.values)
+        whole.derivatives(self.derivatives)
+        whole.plays_and_events(self.hybrid.plays, self.hybrid.events)
+        whole.initial(self.initial)
+        return whole
+
+    def _check_known_units(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Follow declared units through every expression, as far as all that it reads is declared."""
+        d = self.declared
         numbers = {n: c.value for n, c in d.constants.items()}
         second = unit_of("s", "time")
         signals = {**named, **states, TIME: second}
