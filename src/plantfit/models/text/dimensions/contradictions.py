@@ -13,7 +13,7 @@ from typing import Any
 
 from plantfit import units
 from plantfit.errors import EquationError, UnitError
-from plantfit.models.text.dimensions.forms import Form, Key, System, form_of, unknown
+from plantfit.models.text.dimensions.forms import NEAR, Form, Key, System, form_of, unknown
 from plantfit.models.text.dimensions.relations import Relation, Relations
 
 OF_LETTERS = ("parameter", "constant")  # their units are looked at first: whatever the signals' units are
@@ -22,6 +22,7 @@ _WORD = re.compile(r"[A-Za-zµμ]+")
 _SI = {"[time]": "s", "[length]": "m", "[mass]": "kg", "[current]": "A", "[temperature]": "K", "[substance]": "mol", "[luminosity]": "cd"}
 _EQUAL = 1e-6  # of a number and a ratio of units
 _FEW = 3
+_COMMON = ("J", "N", "V", "A", "ohm", "F", "H", "W", "Pa", "kg", "m", "m^3", "cm^3", "K", "rad", "rad/s", "1")
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,10 @@ class Contradiction:
     def line(self, declared: Mapping[Key, Known]) -> str | None:
         """What to write where one declaration is in another unit of the same kind; None where that does not help."""
         for key in self._likely(declared):
-            known, form = declared[key], self.needed[key]
-            unit = spelled(form, known.unit, (d.unit for d in declared.values()))
-            if key[0] in OF_LETTERS and form.dimensions == known.form.dimensions and unit is not None:
-                return f"Write {line_to_write(key, unit, known)}."
+            unit = self._spelled(key, declared)
+            if key[0] in OF_LETTERS and self._alike(key, declared) and unit is not None:
+                return f"Write {line_to_write(key, unit, declared[key])}."
         return None
-
-    def _likely(self, declared: Mapping[Key, Known]) -> list[Key]:
-        return sorted(self.needed, key=lambda k: (not _other_time(declared[k].unit), k[0] not in OF_LETTERS))
 
     def sentence(self, declared: Mapping[Key, Known]) -> str:
         """What is wrong and what to write."""
@@ -69,20 +66,43 @@ class Contradiction:
         if not self.needed:
             named = sorted(n for n in self.relation.node.names() if any(key[1] == n for key in declared))
             return f"{what}: the declared units contradict each other{f'; check those of {_listed(named)}' if named else ''}."
-        key, *others = self._likely(declared)
-        known, form = declared[key], self.needed[key]
-        unit = spelled(form, known.unit, (d.unit for d in declared.values()))
-        kind, name = key
-        said = f"{kind} {name!r} has the unit {known.unit!r}" if known.unit else f"{kind} {name!r} is declared without dimension"
+        key, *rest = self._likely(declared)
+        (kind, name), known, unit, alike = key, declared[key], self._spelled(key, declared), self._alike(key, declared)
+        said = f"{what}: {kind} {name!r} has the unit {known.unit!r}"
+        if not known.form.dimensions and known.form.pure:
+            said = f"{what}: {kind} {name!r} is declared as a number without unit"
+        others = [f"{n!r} ({declared[k, n].unit})" for k, n in rest[:3] if declared[k, n].unit]
+        other = f", or correct the unit of {_listed(others)}" if others else ""
+        needs = "must be a number without unit" if unit == "1" else f"must be in {unit}"
+        if unit is None and alike:
+            times = math.exp(self.needed[key].size - known.form.size)
+            return f"{said}, but the other units here need one that is {times:.6g} times as large; correct it{other}."
         if unit is None:
-            return f"{what}: {said}, which does not fit the other units here; correct it{_or_others(others, declared)}."
-        needs = f"but must be in {unit}" if unit != "1" else "but must be a number without unit"
-        if form.dimensions == known.form.dimensions and kind in OF_LETTERS:
-            why = "equations compute in the units declared, with time in s, and convert nothing by themselves"
-            line = line_to_write(key, unit, known)
-            return f"{what}: {said}, {needs}: {why}. Write {line}{_or_others(others, declared)}."
-        what_else = "whose numbers are others" if form.dimensions == known.form.dimensions else "which is another kind of quantity"
-        return f"{what}: {said}, {what_else}, {needs}; correct the unit, or the equation{_or_others(others, declared)}."
+            return f"{said}, which does not fit the other units here; correct it{other}."
+        if not alike:
+            return f"{said}, but {needs}: that is another kind of quantity. Correct the unit or the equation{other}."
+        why = "equations compute in the units declared, with time in s, and convert nothing by themselves"
+        if kind in OF_LETTERS:
+            return f"{said}, but {needs}: {why}. Write {line_to_write(key, unit, known)}{other}."
+        if kind == "state":
+            return f"{said}, but {needs}: {why}. Declare it in {unit}{other}."
+        return f"{said}, but {needs}: {why}. Declare it in {unit}, to which recordings are converted{other}."
+
+    def _likely(self, declared: Mapping[Key, Known]) -> list[Key]:
+        """Most likely first: a time that is not in s, then what would be in units without factors, then what can be spelled."""
+
+        def rank(key: Key) -> tuple[bool, ...]:
+            known, form = declared[key], self.needed[key]
+            coherent = abs(form.size) < NEAR < abs(known.form.size)
+            return not _other_time(known.unit), not coherent, self._spelled(key, declared) is None, key[0] not in OF_LETTERS
+
+        return sorted(self.needed, key=rank)
+
+    def _spelled(self, key: Key, declared: Mapping[Key, Known]) -> str | None:
+        return spelled(self.needed[key], declared[key].unit, (d.unit for d in declared.values()))
+
+    def _alike(self, key: Key, declared: Mapping[Key, Known]) -> bool:
+        return self.needed[key].dimensions == declared[key].form.dimensions
 
 
 def contradiction(relations: Relations, declared: Mapping[Key, Known]) -> Contradiction | None:
@@ -156,10 +176,11 @@ def _hidden(relation: Relation, left: Form) -> bool:
 
 def spelled(form: Form, like: str, beside: Iterable[str] = ()) -> str | None:
     """A unit as people write it: like another one with its times in s, or with a unit that stands `beside`, or of up to three SI units."""
-    words = {word for text in beside for word in _WORD.findall(text)}
-    swapped = (like.replace(old, new) for old in _WORD.findall(like) for new in sorted(words) if _alike(old, new))
-    for text in (_with_seconds(like), *swapped, _in_si(form)):
-        if text is not None and form_of(units.parse(text)).over(form).pure:
+    words = [*_COMMON, *sorted({word for text in beside for word in _WORD.findall(text)})]
+    starts = like, _with_seconds(like)
+    swapped = (text.replace(old, new) for text in starts for old in _WORD.findall(text) for new in words if old != new and _alike(old, new))
+    for text in (starts[1], *swapped, _in_si(form)):
+        if text is not None and units.known(text) and form_of(units.parse(text)).over(form).pure:
             return text
     return None
 
@@ -205,11 +226,6 @@ def line_to_write(key: Key, unit: str, known: Known) -> str:
     else:
         line += f" and its numbers times {factor:.12g}"
     return f"{line} for {name!r}"
-
-
-def _or_others(others: Sequence[Key], declared: Mapping[Key, Known]) -> str:
-    shown = [f"{name!r} ({declared[kind, name].unit})" for kind, name in others[:3] if declared[kind, name].unit]
-    return f", or correct the unit of {_listed(shown)}" if shown else ""
 
 
 def _listed(words: Sequence[str]) -> str:
