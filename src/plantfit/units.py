@@ -3,6 +3,7 @@
 import difflib
 import functools
 import hashlib
+import math
 import re
 import shutil
 import sys
@@ -214,6 +215,15 @@ def compatible(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
     """Whether values in `a` can be converted to `b`."""
     a, b = parse(a), parse(b)
     return a.dimensionality == b.dimensionality and not _cycles_against_angle(a, b)
+
+
+def equal(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
+    """Whether a number means the same in both units: in s and in sec, not in min."""
+    try:
+        factor, offset = factor_offset(a, b)
+    except UnitError:
+        return False
+    return math.isclose(factor, 1.0, rel_tol=1e-9) and offset == 0.0
 
 
 def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:

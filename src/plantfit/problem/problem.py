@@ -13,6 +13,7 @@ from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
+from plantfit.models.text.dimensions.said_later import check_said_later
 from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
@@ -114,6 +115,8 @@ class Problem:
             recordings, split, skip, validate, *self.begins, self.predictor.needs, model.inputs if isinstance(model, Model) else None
         )  # fmt: skip
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
+        if isinstance(model, Model):
+            check_said_later(model, {n: p.unit for n, p in self.space.parameters.items()})
         self._refuse_unfitted()
         # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py
         self.mesh: Mapping[str, np.ndarray] = {}

@@ -20,6 +20,7 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
+from plantfit.units import is_point
 
 # isort: split
 import jax.numpy as jnp
@@ -259,6 +260,7 @@ class _Builder:
                 raise
             raise EquationError(f"{error.reason.rstrip('.')}. {line}", error.text, error.line, error.column) from None
         whole.check()
+        self._check_zeros(named, states, outputs)
 
     def _whole_model(self) -> WholeModel:
         """What all statements say about units, also about those that nobody declared."""
@@ -297,6 +299,29 @@ class _Builder:
             if isinstance(node, Node) and node.op != "number":
                 start = UnitChecker({**named, **outputs, TIME: second}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
+
+    def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
+        d, found = self.declared, dict(states)
+        for output, unit in outputs.items():
+            shown = self._output_node(output).name
+            if shown in states and states[shown] is None:
+                found[shown] = unit
+        for state, node in self.initial.items():
+            if isinstance(node, Node) and found[state] is None:
+                found[state] = {**named, **outputs}.get(node.name)
+        degrees = {n: u for n, u in {**named, **found, **outputs}.items() if u is not None and is_point(u)}
+        if not any(states[n] is None for n in degrees if n in states):
+            return
+        checker = UnitChecker(
+            degrees,
+            {n: c.value for n, c in d.constants.items()},
+            self.text,
+            {n: (None,) * len(t.over) for n, t in d.tables.items()},
+            numbers_known=False,
+        )
+        for expression in self._expressions():
+            checker.unit(expression)
 
     def _output_node(self, output: str) -> Node:
         if output in self.values:

@@ -99,7 +99,8 @@ class Contradiction:
         return sorted(self.needed, key=rank)
 
     def _spelled(self, key: Key, declared: Mapping[Key, Known]) -> str | None:
-        return spelled(self.needed[key], declared[key].unit, (d.unit for d in declared.values()))
+        unit = spelled(self.needed[key], declared[key].unit, (d.unit for d in declared.values()))
+        return "degC" if unit == "K" and units.is_point(declared[key].unit) else unit
 
     def _alike(self, key: Key, declared: Mapping[Key, Known]) -> bool:
         return self.needed[key].dimensions == declared[key].form.dimensions
