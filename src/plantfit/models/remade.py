@@ -41,12 +41,6 @@ def takes(model: Any, option: str, value: Any) -> bool:
     return True
 
 
-def remade_with(model: Any, option: str, change: Callable[[Any], Any]) -> Any:
-    """The model that its factory makes with another value of an option; None of a model that was not made by one."""
-    factory, args, options = getattr(model, _CALL, (None, (), {}))
-    return None if factory is None else factory(*args, **{**options, option: change(options.get(option))})
-
-
 def _kept(value: Any) -> Any:
     """An argument that stays as it is when the caller changes his own."""
     return copy.deepcopy(value) if isinstance(value, dict | list) else value

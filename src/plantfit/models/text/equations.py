@@ -11,6 +11,7 @@ from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
+from plantfit.models.text.dimensions.said_later import checked_later
 from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
 from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
@@ -67,14 +68,16 @@ def equations(
     `nodes` their operating points, as numbers or {"from", "to", "count"}. `k(y)` or `k(y, u)` is then
     linear between the nodes and constant outside. Its values are a parameter with one entry for each
     node, whose bounds or known value stand in `parameters`.
-    check: compare units throughout; expressions with unknown units are left alone.
+    check: compare units throughout; those that are not declared may be any, but the declared ones must not contradict each other.
 
     Raises EquationError (with line and column) for anything wrong in the text, ModelError for
     declarations that contradict it, UnitError for units that do not exist.
     """
     if not isinstance(text, str):
         raise ModelError(f"Model {name!r}: the equations are {type(text).__name__}; write them as one text.")
-    return _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check).model(sentence, source)
+    builder = _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check)
+    model = builder.model(sentence, source)
+    return checked_later(model, builder.whole_model().check_beside) if check else model
 
 
 class _Builder:
@@ -250,7 +253,7 @@ class _Builder:
         states = {n: unit_of(u, f"state {n!r}") for n, u in d.states.items()}
         if not check:
             return
-        whole = self._whole_model()
+        whole = self.whole_model()
         try:
             self._check_known_units(named, states, outputs)
         except EquationError as error:
@@ -262,7 +265,7 @@ class _Builder:
         whole.check()
         self._check_zeros(named, states, outputs)
 
-    def _whole_model(self) -> WholeModel:
+    def whole_model(self) -> WholeModel:
         """What all statements say about units, also about those that nobody declared."""
         channels = {d.channel: d.input for d in self.table.delays.values()}
         channels |= {d.channel: d.state for d in self.table.state_delays.values()}

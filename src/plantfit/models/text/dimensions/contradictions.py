@@ -53,7 +53,7 @@ class Contradiction:
         """What to write where one declaration is in another unit of the same kind; None where that does not help."""
         for key in self._likely(declared):
             unit = self._spelled(key, declared)
-            if key[0] in OF_LETTERS and self._alike(key, declared) and unit is not None:
+            if key[0] in OF_LETTERS and self.alike(key, declared) and unit is not None:
                 return f"Write {line_to_write(key, unit, declared[key])}."
         return None
 
@@ -67,7 +67,7 @@ class Contradiction:
             named = sorted(n for n in self.relation.node.names() if any(key[1] == n for key in declared))
             return f"{what}: the declared units contradict each other{f'; check those of {_listed(named)}' if named else ''}."
         key, *rest = self._likely(declared)
-        (kind, name), known, unit, alike = key, declared[key], self._spelled(key, declared), self._alike(key, declared)
+        (kind, name), known, unit, alike = key, declared[key], self._spelled(key, declared), self.alike(key, declared)
         said = f"{what}: {kind} {name!r} has the unit {known.unit!r}"
         if not known.form.dimensions and known.form.pure:
             said = f"{what}: {kind} {name!r} is declared as a number without unit"
@@ -102,7 +102,8 @@ class Contradiction:
         unit = spelled(self.needed[key], declared[key].unit, (d.unit for d in declared.values()))
         return "degC" if unit == "K" and units.is_point(declared[key].unit) else unit
 
-    def _alike(self, key: Key, declared: Mapping[Key, Known]) -> bool:
+    def alike(self, key: Key, declared: Mapping[Key, Known]) -> bool:
+        """Whether the unit that is needed has the dimensions of the declared one."""
         return self.needed[key].dimensions == declared[key].form.dimensions
 
 

@@ -1,28 +1,26 @@
-"""Units that a problem gives to parameters which its model left without one."""
+"""Units that stand beside a model of equations: those that a problem gives to its parameters, and those of recordings."""
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from plantfit.models.check_model import check_dead_time
-from plantfit.models.model import Declared, Model
-from plantfit.models.remade import remade_with
+from plantfit.models.model import Model
+
+_CHECK = "_units_said_later"  # no field: a copy made by `dataclasses.replace` is another model
 
 
-def check_said_later(model: Model, said: Mapping[str, str | None]) -> None:
-    """Check them as the model checks its own: dead times are in s, equations agree.
+def check_said_later(model: Model, parameters: Mapping[str, str | None], recorded: Mapping[str, str]) -> None:
+    """Check units of parameters, and recorded units of signals, that the model has without unit: dead times are in s, equations agree.
 
     Raises UnitError and EquationError.
     """
-    for name in {d.parameter for d in (*model.delays, *model.state_delays)} & said.keys():
-        check_dead_time(f"Model {model.name!r}", name, said[name])
-    new = {p.name: replace(p, unit=said[p.name]) for p in model.parameters if p.unit is None and said.get(p.name) is not None}
-    if new and model.text is not None:
-        remade_with(model, "parameters", lambda given: _named(given) | {n: p for n, p in new.items() if not p.shape})
+    for name in {d.parameter for d in (*model.delays, *model.state_delays)} & parameters.keys():
+        check_dead_time(f"Model {model.name!r}", name, parameters[name])
+    check = getattr(model, _CHECK, None)
+    if check is not None:
+        check({p.name: unit for p in model.parameters if p.unit is None and (unit := parameters.get(p.name)) is not None}, recorded)
 
 
-def _named(given: Any) -> dict[str, Any]:
-    """Declarations by name, of a table or a list as `equations` takes them."""
-    if isinstance(given, Mapping):
-        return dict(given)
-    return {getattr(entry, "name", entry): entry if isinstance(entry, Declared) else None for entry in given or ()}
+def checked_later(model: Model, check: Callable[[Mapping[str, str], Mapping[str, str]], None]) -> Model:
+    """The model, which `check_said_later` checks by a function of units of parameters and of recorded signals."""
+    object.__setattr__(model, _CHECK, check)
+    return model

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
+from plantfit import units
 from plantfit.errors import EquationError
 from plantfit.models.text.declarations import Declarations
 from plantfit.models.text.dimensions.contradictions import Contradiction, Known, contradiction
@@ -65,7 +66,7 @@ class WholeModel:
                 self._started |= {id(r): str(self.declared.initial[state]) for r in self.relations.all[before:]}
 
     def contradiction(self) -> tuple[Contradiction, dict[Key, Known]] | None:
-        known = self._known()
+        known = self._known({}, {})
         found = contradiction(self.relations, known)
         return None if found is None else (found, known)
 
@@ -73,20 +74,36 @@ class WholeModel:
         """Raise EquationError where declared units contradict each other."""
         found = self.contradiction()
         if found is not None:
-            raise self.error(*found)
+            raise self._error(*found)
 
-    def error(self, found: Contradiction, known: dict[Key, Known]) -> EquationError:
+    def check_beside(self, parameters: Mapping[str, str], recorded: Mapping[str, str]) -> None:
+        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict the declared ones.
+
+        A recorded unit of another kind may be misread (C for Celsius is a coulomb) and is left alone; one of another size is refused.
+        """
+        recorded = {n: unit for n, unit in recorded.items() if units.known(unit)}
+        if not parameters and not recorded:
+            return
+        known = self._known(parameters, recorded)
+        found = contradiction(self.relations, known)
+        if found is not None and any(k[1] in parameters or (k[1] in recorded and found.alike(k, known)) for k in found.needed):
+            raise self._error(found, known)
+
+    def _error(self, found: Contradiction, known: dict[Key, Known]) -> EquationError:
         return found.error(known, self._started.get(id(found.relation), self.text))
 
     def _say(self, what: str, node: Node, say, target) -> None:
         self.relations.at(what, self.scope)
         say(node, target)
 
-    def _known(self) -> dict[Key, Known]:
+    def _known(self, parameters: Mapping[str, str], recorded: Mapping[str, str]) -> dict[Key, Known]:
         d, found = self.declared, {}
-        for kind, units in (("input", d.inputs), ("state", d.states), ("output", d.outputs)):
-            found |= {(kind, n): (unit, None, None) for n, unit in units.items()}
-        found |= {("parameter", n): (p.unit, p.value, p.bounds) for n, p in d.parameters.items()}
+        found |= {("state", n): (unit, None, None) for n, unit in d.states.items()}
+        for kind, signals in (("input", d.inputs), ("output", d.outputs)):
+            found |= {(kind, n): (unit if unit is not None else recorded.get(n), None, None) for n, unit in signals.items()}
+        found |= {
+            ("parameter", n): (p.unit if p.unit is not None else parameters.get(n), p.value, p.bounds) for n, p in d.parameters.items()
+        }
         found |= {("constant", n): (c.unit, c.value, None) for n, c in d.constants.items()}
         return {
             key: Known(unit, form_of(unit_of(unit, f"{key[0]} {key[1]!r}")), value, bounds)
