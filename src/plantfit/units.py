@@ -61,6 +61,10 @@ _SPELLINGS = (
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+# levels that pint lacks, or has under other names: dBV, dBFS, dB(A), dB/s, bel, cNp; log10 V
+_LEVEL = re.compile(
+    r"(?<![A-Za-z])(dB(?!ar)\w*|deci[Bb]els?|[cm]?[Bb]els?|[dcm]?Np|nepers?|phon|dex)(?![A-Za-z])|^(log|ln|lg)(10|2|e)?[\s(]"
+)
 _ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
 _COUNTED = ("count", "pwm", "tick", "pulse", "lsb")
@@ -155,6 +159,8 @@ def _parse(text: str) -> "pint.Unit":
     spelled = _spell(text.strip())
     if spelled in DIMENSIONLESS:
         return registry().parse_units("")
+    if _LEVEL.search(text.strip()):
+        raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
     # towers of powers would keep pint busy for ever
     if not _ALLOWED.fullmatch(spelled) or re.search(r"\d{4}|\*\*[^A-Za-z]*\*\*", spelled):
         raise UnitError(f"{text!r} is not a unit; write for example 'rad/s', 'N*m' or 'degC'.")

@@ -36,7 +36,7 @@ def test_fitting_units_pass(text, unit):
 MISFITS = [
     # text after "y = ", unit of y, column, parts of the message
     ("a + s", "m", 6, ("'+' joins m and s", "different kinds")),
-    ("unknown + a + s", "V", 14, ("'a' has the unit 'm'",)),
+    ("unknown + a + s", "V", 14, ("correct the unit of 'a' (m)",)),
     ("b*(a - c)", "m^2", 9, ("'-' joins m and cm", "1 cm is 0.01 m")),
     ("angle + turned", "rad", 10, ("joins rad and deg", "0.0174533")),
     ("w - rpm", "rad/s", 6, ("rpm", "0.10472")),

@@ -316,13 +316,8 @@ class _Builder:
         degrees = {n: u for n, u in {**named, **found, **outputs}.items() if u is not None and is_point(u)}
         if not any(states[n] is None for n in degrees if n in states):
             return
-        checker = UnitChecker(
-            degrees,
-            {n: c.value for n, c in d.constants.items()},
-            self.text,
-            {n: (None,) * len(t.over) for n, t in d.tables.items()},
-            numbers_known=False,
-        )
+        axes = {n: (None,) * len(table.over) for n, table in d.tables.items()}
+        checker = UnitChecker(degrees, {n: c.value for n, c in d.constants.items()}, self.text, axes, numbers_known=False)
         for expression in self._expressions():
             checker.unit(expression)
 

@@ -110,7 +110,9 @@ class Contradiction:
 def contradiction(relations: Relations, declared: Mapping[Key, Known]) -> Contradiction | None:
     """The first contradiction among declared units, or None."""
     hidden = System()
-    fair = [r for r in relations.all if hidden.add(r.form) is None]  # the others need a hidden coefficient whatever the units are
+    # what functions of numbers say comes last, so that it is seen where it alone does not hold
+    said = sorted(relations.all, key=lambda r: r.plain)
+    fair = [r for r in said if hidden.add(r.form) is None]  # the others need a hidden coefficient whatever the units are
     letters = {k: known for k, known in declared.items() if k[0] in OF_LETTERS and not known.form.pure}
     for known, forgiven in ((letters, _in_percent), (declared, lambda r, left: _in_percent(r, left) or _hidden(r, left))):
         found = _contradiction(fair, relations, known, forgiven)
