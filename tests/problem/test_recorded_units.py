@@ -7,6 +7,7 @@ import pytest
 
 import plantfit as pf
 from plantfit.errors import EquationError, UnitError
+from plantfit.models.extensions import with_extensions
 from plantfit.problem.new_recording import NewRecording
 
 T = np.arange(40.0)
@@ -56,3 +57,15 @@ def test_a_unit_that_the_problem_gives_is_checked_as_one_of_the_model():
     model = pf.equations("x' = (u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["tau"])
     with pytest.raises(EquationError, match="parameter 'tau' has the unit 'min', but must be in s"):
         pf.Problem(model, recording(None), {"tau": pf.Parameter((1.0, 10.0), unit="min")})
+
+
+@pytest.mark.parametrize(("unit", "told"), [("degC/h", "give its numbers in 'degC/s'"), ("degC/s", None), ("degC/dB", "logarithmic")])
+def test_an_addition_to_a_model_without_units_takes_its_times_in_seconds(unit, told):
+    model = pf.equations("x' = (u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["tau"])
+    model = with_extensions(model, {"drift": {"y": (-1.0, 1.0)}})
+    changes = {"tau": (1.0, 10.0), "drift_y": pf.Parameter((-1.0, 1.0), unit=unit)}
+    if told is None:
+        pf.Problem(model, recording("V"), changes)
+        return
+    with pytest.raises(UnitError, match=told):
+        pf.Problem(model, recording("V"), changes)

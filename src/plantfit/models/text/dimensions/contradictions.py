@@ -94,7 +94,7 @@ class Contradiction:
         def rank(key: Key) -> tuple[bool, ...]:
             known, form = declared[key], self.needed[key]
             coherent = abs(form.size) < NEAR < abs(known.form.size)
-            return not _other_time(known.unit), not coherent, self._spelled(key, declared) is None, key[0] not in OF_LETTERS
+            return not other_time(known.unit), not coherent, self._spelled(key, declared) is None, key[0] not in OF_LETTERS
 
         return sorted(self.needed, key=rank)
 
@@ -181,7 +181,7 @@ def _hidden(relation: Relation, left: Form) -> bool:
 def spelled(form: Form, like: str, beside: Iterable[str] = ()) -> str | None:
     """A unit as people write it: like another one with its times in s, or with a unit that stands `beside`, or of up to three SI units."""
     words = [*_COMMON, *sorted({word for text in beside for word in _WORD.findall(text)})]
-    starts = like, _with_seconds(like)
+    starts = like, with_seconds(like)
     swapped = (text.replace(old, new) for text in starts for old in _WORD.findall(text) for new in words if old != new and _alike(old, new))
     for text in (starts[1], *swapped, _in_si(form)):
         if text is not None and units.known(text) and form_of(units.parse(text)).over(form).pure:
@@ -189,11 +189,13 @@ def spelled(form: Form, like: str, beside: Iterable[str] = ()) -> str | None:
     return None
 
 
-def _with_seconds(unit: str) -> str:
+def with_seconds(unit: str) -> str:
+    """The same unit with its times in s."""
     return _WORD.sub(lambda found: "s" if _alike(found[0], "s") else found[0], unit)
 
 
-def _other_time(unit: str) -> bool:
+def other_time(unit: str) -> bool:
+    """Whether a unit holds a time that is not in s, as km/h does."""
     return any(_alike(word, "s") and word != "s" for word in _WORD.findall(unit))
 
 
