@@ -334,7 +334,7 @@ def in_unit(place: str, value: float | str, unit: str | None, difference: bool =
     except UnitError as error:
         raise UnitError(f"{place}: {error}") from None
     if unit is None:
-        return number
+        raise UnitError(f"{place} = {value!r}: the model has no unit for it, so give a number alone, or declare its unit.")
     try:
         return number * factor(given, unit) if difference else float(convert(number, given, unit))
     except UnitError as error:
