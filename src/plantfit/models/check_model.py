@@ -54,8 +54,8 @@ def _check_delays(where: str, model: Any) -> None:
 
 
 def check_dead_time(where: str, name: str, unit: str | None) -> None:
-    """A dead time counts in seconds, whatever its unit says."""
-    if unit is not None and not units.equal(unit, "s"):
+    """A dead time counts in seconds, whatever its unit says; a number without unit is one."""
+    if unit is not None and not any(units.equal(unit, own) for own in ("s", "1")):
         raise UnitError(f"{where}: the dead time {name!r} has the unit {unit!r}, but dead times are in s; give its numbers in s.")
 
 
