@@ -77,7 +77,7 @@ def equations(
         raise ModelError(f"Model {name!r}: the equations are {type(text).__name__}; write them as one text.")
     builder = _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check)
     model = builder.model(sentence, source)
-    return checked_later(model, builder.whole_model().check_beside) if check else model
+    return checked_later(model, lambda *beside: builder.whole_model().check_beside(*beside)) if check else model
 
 
 class _Builder:

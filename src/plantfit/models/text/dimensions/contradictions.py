@@ -7,7 +7,7 @@ taken as seconds.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ _WORD = re.compile(r"[A-Za-zµμ]+")
 _SI = {"[time]": "s", "[length]": "m", "[mass]": "kg", "[current]": "A", "[temperature]": "K", "[substance]": "mol", "[luminosity]": "cd"}
 _EQUAL = 1e-6  # of a number and a ratio of units
 _FEW = 3
+_MANY = 12
 _COMMON = ("J", "N", "V", "A", "ohm", "F", "H", "W", "Pa", "kg", "m", "m^3", "cm^3", "K", "rad", "rad/s", "1")
 
 
@@ -129,7 +130,7 @@ def _contradiction(said: Sequence[Relation], relations: Relations, known: Mappin
     for k, relation in enumerate(said):
         left = system.add(relation.form)
         if left is not None and not forgiven(relation, left):
-            return Contradiction(relation, _needed(said[: k + 1], known, forgiven))
+            return Contradiction(relation, _needed(said[: k + 1], known, forgiven, system.involved))
     for key, (what, node) in relations.factors.items():
         form = system.reduced(unknown(key))
         if form.powers or form.dimensions or form.pure:
@@ -139,21 +140,28 @@ def _contradiction(said: Sequence[Relation], relations: Relations, known: Mappin
             return Contradiction(Relation(form, what, node), {}, turned=True)
         if _no_conversion(abs(node.number), size):
             plain = Relation(unknown(key), what, node)
-            return Contradiction(plain, _needed([*said, plain], known, forgiven))
+            system.add(plain.form)
+            return Contradiction(plain, _needed([*said, plain], known, forgiven, system.involved))
     return None
 
 
 def _with_units(known: Mapping[Key, Known]) -> System:
     system = System()
     for key, declared in known.items():
-        system.add(unknown(key).over(declared.form))
+        system.add(unknown(key).over(declared.form), key)
     return system
 
 
-def _needed(said: Sequence[Relation], known: Mapping[Key, Known], forgiven: Forgiven) -> dict[Key, Form]:
-    """The units that would make all relations hold, each in place of one that is declared."""
+def _needed(said: Sequence[Relation], known: Mapping[Key, Known], forgiven: Forgiven, involved: Collection[Key]) -> dict[Key, Form]:
+    """The units that would make all relations hold, each in place of one that is declared and `involved`; of many the likeliest."""
     found: dict[Key, Form] = {}
-    for key in known:
+    names = said[-1].node.names()
+
+    def rank(key: Key) -> tuple[bool, ...]:
+        own = known[key]
+        return not other_time(own.unit), abs(own.form.size) < NEAR, key[1] not in names
+
+    for key in sorted((k for k in known if k in involved), key=rank)[:_MANY]:
         system = _with_units({k: v for k, v in known.items() if k != key})
         left = ((r, system.add(r.form)) for r in said)
         if all(f is None or forgiven(r, f) for r, f in left) and not (form := system.reduced(unknown(key))).powers:

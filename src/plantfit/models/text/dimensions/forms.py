@@ -1,5 +1,6 @@
 """Units as products of powers of units that are not known, of base dimensions and of a size; and linear systems of such products."""
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -42,6 +43,7 @@ def unknown(key: Key) -> Form:
     return Form({key: Fraction(1)})
 
 
+@functools.lru_cache(maxsize=4096)
 def form_of(unit: Any) -> Form:
     """A pint unit; of a temperature in degC that of its differences."""
     unit = units.parse(units.difference_of(str(unit)) or "") if units.is_point(unit) else unit
@@ -56,27 +58,35 @@ def fraction(power: Any) -> Fraction:
 
 
 class System:
-    """Products that are 1, in echelon form."""
+    """Products that are 1, in echelon form. `involved` are the sources of the last contradiction."""
 
     def __init__(self) -> None:
-        self._rows: dict[Key, Form] = {}
+        self._rows: dict[Key, tuple[Form, frozenset[Key]]] = {}
+        self.involved: frozenset[Key] = frozenset()
 
     def reduced(self, form: Form) -> Form:
         """The form with everything replaced that is known of its units."""
+        return self._reduced(form)[0]
+
+    def add(self, form: Form, source: Key | None = None) -> Form | None:
+        """Say that a product is 1. Returns what is left of it if that contradicts what was said before, and does not take it then."""
+        form, used = self._reduced(form)
+        used = used if source is None else used | {source}
+        if not form.powers:
+            self.involved = used
+            return None if form.pure else form
+        key, power = next(iter(form.powers.items()))
+        self._rows[key] = NUMBER.times(form, 1 / power), used
+        return None
+
+    def _reduced(self, form: Form) -> tuple[Form, frozenset[Key]]:
+        used: frozenset[Key] = frozenset()
         while True:
             key = next((k for k in form.powers if k in self._rows), None)
             if key is None:
-                return form
-            form = form.times(self._rows[key], -form.powers[key])
-
-    def add(self, form: Form) -> Form | None:
-        """Say that a product is 1. Returns what is left of it if that contradicts what was said before, and does not take it then."""
-        form = self.reduced(form)
-        if not form.powers:
-            return None if form.pure else form
-        key, power = next(iter(form.powers.items()))
-        self._rows[key] = NUMBER.times(form, 1 / power)
-        return None
+                return form, used
+            row, sources = self._rows[key]
+            form, used = form.times(row, -form.powers[key]), used | sources
 
 
 def _sum(a: Mapping[Any, Fraction], b: Mapping[Any, Fraction], power: Fraction | int) -> dict[Any, Fraction]:
