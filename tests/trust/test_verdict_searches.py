@@ -69,7 +69,10 @@ def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
     output = {"unit": "V", "max_error": 1e-6, "rms_error": 1e-7, "rms_residual": 0.1}
     simulation = {"recording": "r", "checked_with": "scipy LSODA, rtol 1e-9", "samples": 200, "outputs": {"y": output}}
     simulation |= {} if reached is None else {"checked_samples": reached}
-    said = [s["sentence"] for s in _steps({"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{"outputs": {}}]})]
+    said = [
+        s["sentence"]
+        for s in _steps({"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{"outputs": {}}]})
+    ]
     assert any("over the first 120 of 200 samples" in s for s in said) == part
     assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
 

@@ -38,8 +38,9 @@ from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
+from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.fit import ROUNDING
+from plantfit.trust.verdict.fit import ROUNDING, TESTED
 
 
 def assess(
@@ -79,7 +80,7 @@ def assess(
         schema_version=VERSION,
         name=problem.name,
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
-        scores=with_foretold(problem, local, list(_scores(problem, predictions)), tests),
+        scores=with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests),
         residual_tests=tests,
         data=[*problem_looks(problem), *stepped],
         diagnosis=None,
@@ -167,11 +168,9 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
     inputs = getattr(problem.model, "inputs", {})
     for name, experiment in problem.experiments.items():
         record, mask = experiment.recording, experiment.mask("fit")
-        if mask.sum() < 20:
-            continue
         for output in problem.outputs:
             residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
-            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))

@@ -12,6 +12,8 @@ GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
 HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
+TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
+SPARE = 0.5  # samples beyond the parameters that follow them, below which the fit shows nothing
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
@@ -72,6 +74,15 @@ def _names(rows: Sequence[Row]) -> str:
     return some([r["recording"] for r in rows])
 
 
+def _shows_nothing(row: Row) -> bool:
+    """Whether as many parameters as samples follow these."""
+    spare = row.get("spare")
+    return spare is not None and spare < SPARE
+
+
+_MUST = "no more than the free parameters that follow them, so that this shows nothing: give more samples of"
+
+
 def _fit_level(row: Row) -> str:
     percent = row["fit_percent"]
     if percent is None or (percent < GOOD and row["at_floor"]):
@@ -82,12 +93,27 @@ def _fit_level(row: Row) -> str:
 def _fit(findings: Findings, row: Row) -> Sentence:
     percent = row["fit_percent"]
     text = f"The model follows {_where(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the fitted samples"
+    if _shows_nothing(row):
+        text += f", but these {row['n']} are {_MUST} {row['output']}."
+        return say("warning", text, rmse=row["rmse"], samples=row["n"])
     text += f", a fit of {percent:.1f} %" if percent is not None else ""
     text += "; what is left is its noise from sample to sample." if percent is not None and percent < GOOD and row["at_floor"] else "."
     return say(_fit_level(row), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
 
 
 def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    empty = [r for r in rows if _shows_nothing(r)]
+    if len(empty) <= FEW:
+        yield from (_fit(findings, r) for r in empty)
+    else:
+        which = f"{len(empty)} recordings ({_names(empty)})"
+        rmse = span([r["rmse"] for r in empty], rows[0]["unit"])
+        text = f"The model follows {output} of {which} with an RMSE of {rmse} on the fitted samples, but in each they are {_MUST} {output}."
+        yield say("warning", text, rmse=max(r["rmse"] for r in empty), recordings=len(empty))
+    rows = [r for r in rows if r not in empty]
+    if len(rows) <= FEW:
+        yield from (_fit(findings, r) for r in rows)
+        return
     unit, known = rows[0]["unit"], [r for r in rows if r["fit_percent"] is not None]
     rmse = span([r["rmse"] for r in rows], unit)
     text = f"The model follows {output} of {len(rows)} recordings with an RMSE of {rmse} on the fitted samples"
@@ -104,10 +130,17 @@ _HOLDS = {"good": "it holds", "warning": "it holds in part", "bad": "it does not
 
 
 def _base(findings: Findings, row: Row) -> float | None:
-    """The RMSE of the fitted samples that an unseen one is compared with."""
-    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit"}
+    """The RMSE of the fitted samples that an unseen one is compared with; None where all of them are followed whatever they are."""
+    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit" and not _shows_nothing(r)}
     own = fitted.get((row["recording"], row["output"]))
     return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
+
+
+def _alone(findings: Findings, output: str) -> str:
+    """That nothing can be compared with an unseen RMSE where fitted samples show nothing."""
+    empty = any(_shows_nothing(r) for r in findings["scores"] if r["part"] == "fit" and r["output"] == output)
+    text = f"; fitted samples of {output} are no more than the parameters that follow them, and do not tell how large it may be"
+    return text if empty else ""
 
 
 def _held_level(ratio: float) -> str:
@@ -157,7 +190,7 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     base = _base(findings, row)
     text = f"On samples it has not seen, the RMSE of {_where(findings, row)} is {with_unit(row['rmse'], row['unit'])}"
     if not base:
-        return say("info", text + ".", rmse=row["rmse"])
+        return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
     words = _drift_ends(findings, row) if level != "good" else None
@@ -200,7 +233,7 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is {span([r['rmse'] for r in rows], rows[0]['unit'])}"
     )
     if not all(bases):
-        yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
+        yield say("info", f"{text}{_alone(findings, output)}.", rmse=max(r["rmse"] for r in rows))
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = _most_noise(findings, output)
@@ -323,12 +356,10 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
     for record in findings["recordings"]:
         for name, o in record["outputs"].items():
             part = np.array(o["part"]) == "fit"
-            if part.sum() < 20:
-                continue
             measured = np.array(o["measured"], dtype=float)
             residual = (measured - np.array(o["simulated"], dtype=float))[part]
-            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
-                continue  # not measured in this recording, or followed exactly
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
+                continue  # hardly measured in this recording, or followed exactly
             noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
