@@ -47,9 +47,8 @@ def drop_samples(
         values[_between(name, t, stretch)] = np.nan
     if times is None and len(between):
         count = int(np.sum(np.isnan(values) & ~np.isnan(signal.values)))
-        return with_signal(
-            recording, name, values, signal.unit, f"{count} samples of {name!r} dropped in {len(between)} stretches of time."
-        )
+        told = f"{count} samples of {name!r} dropped in {len(between)} stretch{'es' if len(between) > 1 else ''} of time."
+        return with_signal(recording, name, values, signal.unit, told)
     try:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
     except (TypeError, ValueError):

@@ -303,6 +303,18 @@ def _unmoved(c: Mapping[str, Any]) -> bool:
     return c["bound"] <= SEEN and explained is not None and explained < UNTOLD
 
 
+def _lies(stretch: Mapping[str, Any]) -> str:
+    """Where most of a residual lies, and what to look for there."""
+    first, last = number(stretch["begin"], 4), number(stretch["end"], 4)
+    text = f"{100 * stretch['share']:.0f} % of their squares lie from t = {first} to {last} s"
+    text += f" ({100 * stretch['samples']:.2g} % of the samples)"
+    if stretch.get("gap"):
+        gap = f"a gap of the clock of {number(stretch['gap'])} s, over which inputs are held"
+        return f"{text}, after {gap}: make two recordings of it, cut before and after the gap"
+    what = "lost rows, a jump of the clock, a wrong reading or a disturbance"
+    return f"{text}, where inputs and simulation do what they do elsewhere: look at the record there for {what}"
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = _where(findings, row)
     if row["white"]:
@@ -320,6 +332,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
             "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
         )
     known = _diagnosed(findings)
+    if row.get("stretch") and not known["named"]:
+        text = text.removesuffix(", and something systematic is missing")
+        return say("warning", f"{text}, and {_lies(row['stretch'])}.", correlation=_next(row))
     text += (
         "."
         if known["named"] or (known["tried"] and not left)
@@ -346,8 +361,12 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         named = _diagnosed(findings)["named"]
-        left = [] if named else [r for r in coloured if any(_follows(c) for c in r["cross"].values())]
+        odd = [] if named else [r for r in coloured if r.get("stretch")]
+        left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
+        for r in odd[:FEW]:
+            text += f" In {r['recording']} {_lies(r['stretch'])}."
+        text += f" It lies in one stretch in {len(odd) - FEW} more." if len(odd) > FEW else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 
 
@@ -365,13 +384,19 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
 
 
+def _same(a: Row, b: Row) -> bool:
+    return (a["recording"], a["output"]) == (b["recording"], b["output"])
+
+
 def _noise(findings: Findings, row: Row) -> Sentence:
     text = (
         f"Sample-to-sample noise of {_where(findings, row)} is about {with_unit(row['noise'], row['unit'])}; "
         f"the residual is {row['ratio']:.1f} times that"
     )
     floor = row["ratio"] < FLOOR
-    end = ": the fit is at the noise floor." if floor else ", so a better model could still gain."
+    own = next((r.get("stretch") for r in findings.get("residual_tests", ()) if _same(r, row)), None)
+    above = ", most of it in that stretch." if own else ", so a better model could still gain."
+    end = ": the fit is at the noise floor." if floor else above
     return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
 
 
