@@ -163,6 +163,14 @@ def failing(findings: Findings) -> list[str]:
     return list(found)
 
 
+def lacking(findings: Findings) -> list[str]:
+    """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above their noise or named by the
+    diagnosis; those not whose record is odd in one stretch."""
+    above, named = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR}, _diagnosed(findings)["named"]
+    tests = [r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
+
+
 def _most_noise(findings: Findings, output: str) -> float | None:
     """Noise from sample to sample of an output, the most of all recordings."""
     return max((r["noise"] for r in noise_rows(findings) if r["output"] == output), default=None)
@@ -372,7 +380,7 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
 
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
-    for record in findings["recordings"]:
+    for record in findings.get("recordings", ()):
         for name, o in record["outputs"].items():
             part = np.array(o["part"]) == "fit"
             measured = np.array(o["measured"], dtype=float)
