@@ -28,6 +28,17 @@ class Stretch(Record):
     """Of the clock where it begins, in s."""
 
 
+class Turned(Record):
+    """A part of a record in which an output moves against the simulation."""
+
+    begin: float
+    end: float
+    """In s."""
+    within: float
+    """Correlation of measured and simulated samples there, and that of all others."""
+    elsewhere: float
+
+
 class ResidualTest(Record):
     """Tests of the residual of one output on the fitted samples of one recording."""
 
@@ -43,4 +54,5 @@ class ResidualTest(Record):
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}
     stretch: Stretch | None = None
+    turned: Turned | None = None
     """By input."""

@@ -40,6 +40,7 @@ from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.one_stretch import one_stretch
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
 from plantfit.trust.validate.spare_samples import with_spare
+from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import ROUNDING, TESTED
 
@@ -176,11 +177,12 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
             own, p_value = whiteness(residual)
-            stretch, there = None, np.isfinite(residual)
+            stretch, against, there = None, None, np.isfinite(residual)
             if p_value <= 0.01 and problem.in_time:
                 at = np.flatnonzero(mask)[rows][there]
                 simulated = predictions[name][output][at]
-                stretch = one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
+                against = turned(record.t[at], record[output][at], simulated)
+                stretch = None if against else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]
@@ -202,6 +204,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 shared=experiment.shared_errors.get(output),
                 cross=cross,
                 stretch=stretch,
+                turned=against,
             )
 
 

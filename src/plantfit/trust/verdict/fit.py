@@ -311,6 +311,15 @@ def _unmoved(c: Mapping[str, Any]) -> bool:
     return c["bound"] <= SEEN and explained is not None and explained < UNTOLD
 
 
+def _odd(row: Row, named: bool) -> str:
+    """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named` what may be missing."""
+    if against := row.get("turned"):
+        part = f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves against the simulation"
+        figures = f"correlation {against['within']:.2f}, elsewhere {against['elsewhere']:.2f}"
+        return f"{part} ({figures}): the sign of {row['output']} or of an input may be wrong there"
+    return _lies(row["stretch"]) if row.get("stretch") and not named else ""
+
+
 def _lies(stretch: Mapping[str, Any]) -> str:
     """Where most of a residual lies, and what to look for there."""
     first, last = number(stretch["begin"], 4), number(stretch["end"], 4)
@@ -340,9 +349,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
             "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
         )
     known = _diagnosed(findings)
-    if row.get("stretch") and not known["named"]:
+    if odd := _odd(row, known["named"]):
         text = text.removesuffix(", and something systematic is missing")
-        return say("warning", f"{text}, and {_lies(row['stretch'])}.", correlation=_next(row))
+        return say("warning", f"{text}, and {odd}.", correlation=_next(row))
     text += (
         "."
         if known["named"] or (known["tried"] and not left)
@@ -369,12 +378,12 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         named = _diagnosed(findings)["named"]
-        odd = [] if named else [r for r in coloured if r.get("stretch")]
+        odd = [r for r in coloured if _odd(r, named)]
         left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
         for r in odd[:FEW]:
-            text += f" In {r['recording']} {_lies(r['stretch'])}."
-        text += f" It lies in one stretch in {len(odd) - FEW} more." if len(odd) > FEW else ""
+            text += f" In {r['recording']} {_odd(r, named)}."
+        text += f" So are {len(odd) - FEW} more odd." if len(odd) > FEW else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 
 
@@ -402,8 +411,8 @@ def _noise(findings: Findings, row: Row) -> Sentence:
         f"the residual is {row['ratio']:.1f} times that"
     )
     floor = row["ratio"] < FLOOR
-    own = next((r.get("stretch") for r in findings.get("residual_tests", ()) if _same(r, row)), None)
-    above = ", most of it in that stretch." if own else ", so a better model could still gain."
+    own: Row = next((r for r in findings.get("residual_tests", ()) if _same(r, row)), {})
+    above = ", most of it in that stretch." if own.get("stretch") else "." if own.get("turned") else ", so a better model could still gain."
     end = ": the fit is at the noise floor." if floor else above
     return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
 
