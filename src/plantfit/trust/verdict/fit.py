@@ -390,7 +390,7 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
     for record in findings.get("recordings", ()):
-        for name, o in record["outputs"].items():
+        for name, o in record.get("outputs", {}).items():
             part = np.array(o["part"]) == "fit"
             measured = np.array(o["measured"], dtype=float)
             residual = (measured - np.array(o["simulated"], dtype=float))[part]
