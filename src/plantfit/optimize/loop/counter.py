@@ -33,7 +33,9 @@ def _filled(x: np.ndarray, width: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _compiled(costs: Callable) -> Callable:
-    return costs.keep(costs.function, "candidates", ()) if isinstance(costs, KeptCosts) else jax.jit(costs)
+    if isinstance(costs, KeptCosts):
+        return costs.keep(costs.function, "candidates", ())
+    return costs if hasattr(costs, "lower") else jax.jit(costs)  # what is compiled already is not compiled anew
 
 
 def _pieces(count: int) -> Iterator[tuple[int, int]]:
