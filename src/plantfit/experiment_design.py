@@ -24,7 +24,7 @@ from plantfit.trust.finish.unknown_noise import few_samples, unknown_noise
 from plantfit.trust.intervals.covariance import errors_at
 from plantfit.trust.intervals.linearised import named_blocks
 from plantfit.trust.intervals.plausible import plausible
-from plantfit.units import in_unit
+from plantfit.units import in_unit, per_second
 
 MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000
@@ -176,9 +176,10 @@ def design(
         raise SpecError(f"budget is {budget}; give at least 100 inputs to try.")
     t, period = _times(problem, duration, rate)
     known = {*model.outputs, *model.states}
-    signals = {n: _range(f"limit {n}", r, _unit_of(model, n)) for n, r in _named("limits", limits, known).items()}
+    signals = {n: _range(f"limit {n}", r, problem.needs.get(n) or _unit_of(model, n)) for n, r in _named("limits", limits, known).items()}
     low, high = _input_ranges(problem, model, inputs)
-    slews = {n: in_unit(f"slew {n}", v, f"{model.inputs[n] or '1'}/s") for n, v in _named("slew", slew, set(model.inputs)).items()}
+    rates = {n: None if (unit := problem.needs[n]) is None else per_second(unit) for n in model.inputs}
+    slews = {n: in_unit(f"slew {n}", v, rates[n]) for n, v in _named("slew", slew, set(model.inputs)).items()}
     if any(not v > 0 for v in slews.values()):
         raise SpecError(f"slew is {next(v for v in slews.values() if not v > 0):g}; give a positive change per second.")
     held = 1 if hold is None else max(1, round(in_unit("hold", hold, "s") / period))
@@ -193,7 +194,7 @@ def design(
         goal = Difference(one, _goal(against, t, 0, seed, "D", everything, alone, one.trial.noise, ()))
     tell = (lambda tried, cost: progress(tried, budget, cost)) if progress else (lambda tried, cost: None)
     found = designed(goal, bench, budget=budget, seed=seed, tell=tell)
-    values = {n: Signal(found.best.u[:, k], u) for k, (n, u) in enumerate(model.inputs.items())}
+    values = {n: Signal(found.best.u[:, k], problem.needs[n]) for k, n in enumerate(model.inputs)}
     said = f"Designed by plantfit for {problem.name}: {len(t)} samples at {1 / period:g} Hz ({len(t) * period:g} s), seed {seed}."
     return ExperimentDesign(answer, goal, bench, found, Recording(t, values, f"{problem.name}-next", (said,)), against)
 
@@ -254,7 +255,7 @@ def _input_ranges(problem: Problem, model: Model, given: Mapping[str, Range] | N
         seen = np.concatenate([e.recording[name] for e in problem.experiments.values()])
         low, high = float(np.min(seen)), float(np.max(seen))
         if name in asked:
-            ends = _range(f"input {name}", asked[name], unit)
+            ends = _range(f"input {name}", asked[name], problem.needs[name])
             low, high = (own if np.isfinite(own) else here for own, here in zip(ends, (low, high), strict=True))
         if not low < high:
             raise SpecError(f"The input {name!r} was {low:g} {unit or ''} in all recordings; say from where to where it may go.")
@@ -304,7 +305,7 @@ def _goal(
 ) -> Precision:  # fmt: skip
     problem, z = answer.problem, np.asarray(answer.best.x)
     outputs = problem.model.outputs
-    given = {n: in_unit(f"noise {n}", v, outputs[n], difference=True) for n, v in _named("noise", noise, set(outputs)).items()}
+    given = {n: in_unit(f"noise {n}", v, problem.needs[n], difference=True) for n, v in _named("noise", noise, set(outputs)).items()}
     if unknown := [n for n in unknown_noise(problem) if n not in given]:
         raise SpecError(
             f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples than there are free parameters. "

@@ -222,7 +222,11 @@ def _row(
             refits = found.values[:, i]
             ends = percentiles(refits, value, level, (c.lower, c.upper))
             if ends[1] - ends[0] <= STILL * (c.upper - c.lower):
-                refused[f"bootstrap of {c.name}"] = f"Refits leave {c.name} on its bound, so the bootstrap has no interval of it."
+                bound = min(value - c.lower, c.upper - value) <= STILL * (c.upper - c.lower)
+                why = (
+                    f"Refits leave {c.name} on its bound" if bound else f"Refits do not move {c.name}, for its samples are followed exactly"
+                )
+                refused[f"bootstrap of {c.name}"] = f"{why}, so the bootstrap has no interval of it."
                 all_of.append(_kind(kind, None, None, None))
                 continue
             all_of.append(_kind(kind, *ends, c, sample=_thinned(refits)))

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
+from plantfit import units
 from plantfit.errors import SpaceError
 
 import jax.numpy as jnp
@@ -196,6 +197,11 @@ class Space:
         own, other = self.parameters[name].shape, self.parameters[root].shape
         if own != other:
             raise SpaceError(f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes.")
+        mine, its = self.parameters[name].unit, self.parameters[root].unit
+        if mine is not None and its is not None and mine != its and not units.equal(mine, its):
+            raise SpaceError(
+                f"Parameter {name!r} in {mine!r} is tied to {root!r} in {its!r}, whose number it would take as it is; give both one unit."
+            )
 
     def root(self, name: str) -> str:
         """The parameter whose value this one takes: itself unless it is tied. Raises SpaceError for ties in a circle or to nothing."""

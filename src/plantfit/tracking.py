@@ -213,7 +213,7 @@ class Tracker:
         for n in model.outputs:
             if n not in signals:
                 signals[n] = Signal(np.full(len(recording), np.nan), model.outputs[n])
-        given = in_units(Recording(recording.t, signals, recording.name, recording.log), self.problem.predictor.needs)
+        given = in_units(Recording(recording.t, signals, recording.name, recording.log), self.problem.needs)
         u = np.stack([given[n] for n in model.inputs], axis=1) if model.inputs else np.zeros((len(given), 0))  # type: ignore[union-attr]
         return np.asarray(given.t, dtype=float), u, np.stack([given[n] for n in model.outputs], axis=1)
 

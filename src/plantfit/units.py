@@ -3,6 +3,7 @@
 import difflib
 import functools
 import hashlib
+import math
 import re
 import shutil
 import sys
@@ -60,6 +61,10 @@ _SPELLINGS = (
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _SUPERSCRIPT = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+# levels that pint lacks, or has under other names: dBV, dBFS, dB(A), dB/s, bel, cNp; log10 V
+_LEVEL = re.compile(
+    r"(?<![A-Za-z])(dB(?!ar)\w*|deci[Bb]els?|[cm]?[Bb]els?|[dcm]?Np|nepers?|phon|dex)(?![A-Za-z])|^(log|ln|lg)(10|2|e)?[\s(]"
+)
 _ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
 _COUNTED = ("count", "pwm", "tick", "pulse", "lsb")
@@ -154,6 +159,8 @@ def _parse(text: str) -> "pint.Unit":
     spelled = _spell(text.strip())
     if spelled in DIMENSIONLESS:
         return registry().parse_units("")
+    if _LEVEL.search(text.strip()):
+        raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
     # towers of powers would keep pint busy for ever
     if not _ALLOWED.fullmatch(spelled) or re.search(r"\d{4}|\*\*[^A-Za-z]*\*\*", spelled):
         raise UnitError(f"{text!r} is not a unit; write for example 'rad/s', 'N*m' or 'degC'.")
@@ -214,6 +221,15 @@ def compatible(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
     """Whether values in `a` can be converted to `b`."""
     a, b = parse(a), parse(b)
     return a.dimensionality == b.dimensionality and not _cycles_against_angle(a, b)
+
+
+def equal(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
+    """Whether a number means the same in both units: in s and in sec, not in min."""
+    try:
+        factor, offset = factor_offset(a, b)
+    except UnitError:
+        return False
+    return math.isclose(factor, 1.0, rel_tol=1e-9) and offset == 0.0
 
 
 def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:
@@ -318,7 +334,7 @@ def in_unit(place: str, value: float | str, unit: str | None, difference: bool =
     except UnitError as error:
         raise UnitError(f"{place}: {error}") from None
     if unit is None:
-        return number
+        raise UnitError(f"{place} = {value!r}: the model has no unit for it, so give a number alone, or declare its unit.")
     try:
         return number * factor(given, unit) if difference else float(convert(number, given, unit))
     except UnitError as error:

@@ -22,7 +22,7 @@ FITS = [
     ("exp(-t/s)", ""), ("a + one_m", "m"), ("a + 0", "m"), ("max(a, 0)", "m"), ("0", "m"), ("a if a > 0 else -b", "m"),
     ("where(a > b, 0, a)", "m"), ("sign(a)*b", "m"), ("smooth_sign(a, one_m)", ""), ("atan2(a, b)", "rad"), ("clip(a, -b, one_m)", "m"),
     ("step(a - b)", ""), ("n + 1", ""), ("angle + 1", "rad"), ("T - T2", "K"), ("T + T2", "degC"), ("unknown + a", "m"),
-    ("unknown + a + s", "V"),
+    ("unknown*a + s", "s"),
     ("sin(unknown)", ""), ("unknown^a^0", "m"), ("delay(a, 3)", "m"), ("1 if a > 0 and n or not s else 2", ""),
     ("abs(a) + floor(b) + relu(a) + deadzone(a, -b, b)", "m"), ("f*s", "1"), ("n^n", ""), ("a^(1/3)*a^(2/3)", "m"), ("half*a", "V"),
 ]  # fmt: skip
@@ -36,6 +36,7 @@ def test_fitting_units_pass(text, unit):
 MISFITS = [
     # text after "y = ", unit of y, column, parts of the message
     ("a + s", "m", 6, ("'+' joins m and s", "different kinds")),
+    ("unknown + a + s", "V", 14, ("correct the unit of 'a' (m)",)),
     ("b*(a - c)", "m^2", 9, ("'-' joins m and cm", "1 cm is 0.01 m")),
     ("angle + turned", "rad", 10, ("joins rad and deg", "0.0174533")),
     ("w - rpm", "rad/s", 6, ("rpm", "0.10472")),

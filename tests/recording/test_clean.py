@@ -226,3 +226,17 @@ def test_a_zero_phase_lowpass_keeps_a_line_and_its_slope_up_to_both_ends(cutoff,
     np.testing.assert_allclose(rec.lowpass(r, "x", cutoff, order=order)["x"], r["x"], rtol=0, atol=2e-4 / cutoff)
     slope = rec.differentiate(r, "x", "v", method="butterworth", cutoff=cutoff, order=order)["v"]
     np.testing.assert_allclose(slope, 3.0, rtol=0, atol=5e-3)
+
+
+def test_stretches_are_dropped():
+    t = 0.1 * np.arange(50)
+    made = Recording(t, {"q": Signal(np.sin(t), "m")}, "r")
+    dropped = rec.drop_samples(made, "q", between=[[0.3, 0.5], [4.8, 9.0]])
+    assert np.flatnonzero(np.isnan(dropped["q"])).tolist() == [3, 4, 5, 48, 49]
+    assert "5 samples of 'q' dropped in 2 stretches of time." in dropped.log[-1]
+    both = rec.drop_samples(made, "q", [1.0], [[0.3, 0.5]])
+    assert np.flatnonzero(np.isnan(both["q"])).tolist() == [3, 4, 5, 10]
+    wrong: list[Any] = [[[0.31, 0.32]], [[7.0, 8.0]], [0.3, 0.5], [["a", "b"]], [[0.5]]]
+    for between in wrong:
+        with pytest.raises(RecordingError, match=r"give pairs \[start, stop\] in seconds that hold samples"):
+            rec.drop_samples(made, "q", between=between)

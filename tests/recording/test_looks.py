@@ -73,6 +73,10 @@ def test_a_sensor_that_is_stuck():
     (look,) = signal_looks(recorded(y), "y", measured=True)
     assert look.kind == "stuck"
     assert (look.begin, look.figures["samples"]) == (pytest.approx(15.0), 50)
+    (step,) = tomllib.loads(look.write)["clean"]
+    cleaned = rec.drop_samples(recorded(y), step["signal"], between=step["between"])
+    assert np.flatnonzero(np.isnan(cleaned["y"])).tolist() == list(range(301, 350))
+    assert not any(look.kind == "stuck" for look in signal_looks(cleaned, "y", measured=True))
 
 
 def test_a_coarse_sensor_is_quantised_and_neither_stuck_nor_clipped():

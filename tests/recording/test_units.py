@@ -94,3 +94,29 @@ def test_a_quotient_has_all_of_the_unit_below_its_line(below):
     found = units.parse(units.quotient("rad/s", below))
     assert found.dimensionality == (units.parse("rad/s") / units.parse(below)).dimensionality
     assert units.factor_offset(found * units.parse(below), "rad/s")[0] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["dB", "dBm", "dBV", "dBFS", "dB(A)", "dB/s", "1/dB", "bel", "decibel", "cNp", "Np", "phon", "dex", "log10 V", "ln(V)"],
+)
+def test_levels_are_told_apart_from_units(text):
+    assert units.logarithmic(text)
+
+
+@pytest.mark.parametrize("text", ["B", "kB", "mbar", "dbar", "lm", "Bq", "bbl", "N*p", "N", "V^2"])
+def test_other_units_are_no_levels(text):
+    assert not units.logarithmic(text)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "same"), [("s", "sec", True), ("s", "min", False), ("Hz", "1/s", True), ("degC", "K", False), ("s", "m", False)]
+)
+def test_a_number_means_the_same_in_equal_units(a, b, same):
+    assert units.equal(a, b) is bool(same)
+
+
+def test_a_quantity_without_a_unit_to_be_in_is_not_taken_as_its_number():
+    assert units.in_unit("limit T", "290", None) == 290.0
+    with pytest.raises(UnitError, match="limit T = '290 K': the model has no unit for it"):
+        units.in_unit("limit T", "290 K", None)

@@ -144,3 +144,64 @@ def test_what_is_too_large_is_not_asked():
 def test_the_same_bits_for_the_same_key():
     p = problem("x' = a*b*u - x/c; y = x", dict.fromkeys("abc", (0.2, 3.0)))
     assert before_fit(p) == before_fit(p)
+
+
+def measured_rarely(text, parameters, samples, given=()):
+    """A plant with output y at all samples and w at so many of them."""
+    model = pf.equations(text, inputs=["u"], states=["x"], outputs=["y", "w"], parameters=list(parameters), name="plant")
+    rng = np.random.default_rng(2)
+    w = np.full(N, np.nan)
+    w[np.linspace(30, N - 10, samples).astype(int)] = 10.0 + rng.normal(size=samples)
+    record = pf.from_arrays(T, signals={"u": U, "y": rng.normal(size=N), "w": w})
+    scales = dict.fromkeys(given, 1.0)
+    return pf.Problem(model, record, {n: pf.Parameter((0.2, 3.0)) for n in parameters}, scales=scales or None)
+
+
+LAG = "x' = (K*u - x)/tau; y = x; "
+
+
+@pytest.mark.parametrize(
+    ("text", "own", "samples", "given", "heard"),
+    [
+        ("w = b*x + c", "bc", 2, (), ("K", "tau")),
+        ("w = b*x + c", "bc", 2, ("w",), None),  # the user tells the errors
+        ("w = b*x + c", "bc", 3, (), None),  # one more than the parameters that follow it
+        ("w = b*x + c", "bc", 40, (), None),
+        ("w = b*x", "b", 2, (), None),
+        ("w = b*x", "b", 1, (), ("K", "tau")),
+        ("w = b*x + c + d*x^2", "bcd", 3, (), ("K", "tau")),
+        ("w = x", "", 2, (), None),  # y tells K and tau, and w nothing of its own
+    ],
+)
+def test_an_output_whose_errors_nothing_shows_fixes_nothing(text, own, samples, given, heard):
+    names = ["K", "tau", *own]
+    found = before_fit(measured_rarely(LAG + text, names, samples, given))
+    assert found is not None
+    assert found.rank == len(names)
+    if heard is None:
+        assert found.silent == {}
+        assert told(found)[0].startswith(f"These records can tell all {len(names)} parameters apart")
+        return
+    assert (found.silent, found.heard, found.heard_alone) == ({"w": samples}, 2, heard)
+    assert found.sentences[0] == (
+        "warning",
+        f"w has {samples} fitted samples, no more than the parameters that follow them, and nothing shows how large its errors are. Unless "
+        f"the study gives a scale for w, these records determine 2 of {len(names)} parameters at best: K, tau.",
+    )
+    assert told(found)[1].startswith(f"With a scale for w these records can tell all {len(names)} parameters apart")
+
+
+@pytest.mark.parametrize(("samples", "given", "few"), [(11, None, 0), (10, None, 10), (4, None, 4), (3, None, 3), (3, {"y": 0.1}, 0)])
+def test_samples_that_are_too_few_for_a_fit_are_told(samples, given, few):
+    model = pf.equations("x' = (K*u + r - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["K", "r", "tau"])
+    places = np.linspace(10, N - 1, samples).astype(int)
+    y = np.full(N, np.nan)
+    y[places] = np.random.default_rng(3).normal(size=samples)
+    record = pf.from_arrays(T, signals={"u": U, "y": y})
+    found = before_fit(pf.Problem(model, record, {n: pf.Parameter((0.2, 3.0)) for n in ("K", "r", "tau")}, scales=given))
+    assert found is not None
+    assert found.few == few
+    said = f"{samples} fitted samples are too few for 3 parameters: a fit will call none of them determined."
+    assert (said in told(found)) is (few > 3)  # of 3 it is said in other words
+    assert (found.silent == {"y": 3}) is (few == 3)
+    assert ("determine none of 3 parameters." in told(found)[0]) is bool(found.silent)

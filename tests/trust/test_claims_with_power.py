@@ -148,4 +148,33 @@ def test_determined_parameters_of_a_model_that_fails_are_its_own(count, ratio, f
     (told,) = parameter_sentences({**misses([ratio] * count, foretold), "parameters": [row]})
     assert told["sentence"].startswith("The data determine 1 of 1 parameters: R = 2.00 ± 0.10 ohm.")
     assert ("does not hold for unseen samples of y: these are its values" in told["sentence"]) is said
-    assert told["level"] == ("warning" if said else "good")
+    assert ("More than noise is left of y" in told["sentence"]) is not said  # what is left is a sine
+    assert told["level"] == ("warning" if said else "info")
+
+
+STRETCH = {"begin": 1.0, "end": 2.0, "share": 0.9, "samples": 0.02}
+NAMED = {"rounds": [{"found": ["dead time of u"]}]}
+
+
+@pytest.mark.parametrize(
+    ("left", "more", "diagnosis", "said"),
+    [
+        (noise(400, 0.0), {}, None, False),  # white
+        (noise(400, 0.9), {}, None, True),
+        (SLOW + 0.05 * noise(400, 0.0), {}, None, True),
+        (0.3 * SLOW + noise(400, 0.0), {}, None, False),  # not white, and hardly above the noise
+        (0.3 * SLOW + noise(400, 0.0), {}, NAMED, True),
+        (0.3 * SLOW + noise(400, 0.0), {}, {"rounds": [{"found": []}]}, False),
+        (noise(400, 0.0), {}, NAMED, False),
+        (SLOW + 0.05 * noise(400, 0.0), {"stretch": STRETCH}, None, False),  # the record is odd, not the model
+        (SLOW + 0.05 * noise(400, 0.0), {"shared": "slot"}, None, False),
+    ],
+)
+def test_determined_parameters_of_a_model_that_lacks_something_are_its_own(left, more, diagnosis, said):
+    found = findings(left, np.zeros(400))
+    found["residual_tests"][0].update(more)
+    row = {"name": "R", "unit": "ohm", "value": 2.0, "standard_error": 0.1, "status": "determined", "low": 1.8, "high": 2.2}
+    (told,) = parameter_sentences({**found, "diagnosis": diagnosis, "parameters": [row]})
+    text = "More than noise is left of y: these are the model's values, and the plant's may be others, by more than ± tells."
+    assert told["sentence"].endswith(text) is said
+    assert told["level"] == ("info" if said else "good")

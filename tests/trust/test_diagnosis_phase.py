@@ -138,3 +138,30 @@ def test_findings_tell_what_is_odd_about_the_data(tmp_path):
     page = render_html(answer.findings)
     assert "Looks at the data" in page
     assert look["sentence"][:30] in page
+
+
+@pytest.mark.parametrize("stuck", [0, 60, 90])
+@pytest.mark.parametrize("seed", range(3))
+def test_beside_a_sensor_that_was_stuck_no_addition_is_proposed(seed, stuck):
+    """The truth is a first-order plant; nothing is missing but the samples of the sensor."""
+    rng, n = np.random.default_rng(seed), 900
+    t, u = 0.5 * np.arange(n), np.repeat(rng.uniform(1.0, 6.0, 15), 60)
+    x = np.empty(n)
+    x[0] = 0.8 * u[0]
+    for k in range(n - 1):
+        x[k + 1] = 0.8 * u[k] + (x[k] - 0.8 * u[k]) * np.exp(-0.5 / 40.0)
+    y = x + 0.01 * rng.normal(size=n)
+    y[400 : 400 + stuck] = y[400]
+    bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (1.0, 500.0)}}
+    model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
+    found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
+    found.findings["reproduction"]["command"] = "plantfit run tank.toml"
+    d = found.diagnose()
+    said = [v["sentence"] for v in found.findings["verdict"] if "may have been stuck" in v["sentence"]]
+    if stuck:
+        assert d is not None
+        assert d["next"] == ""
+        what = d.get("wandering") or d.get("drifting") or any(r["found"] for r in d["rounds"])
+        assert len(said) == bool(what)
+    else:
+        assert said == []

@@ -75,6 +75,8 @@ def test_what_is_no_curve_is_refused_in_words(given, said):
 def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     truth, told, level, errors, least_squares, held = PLANTS[plant].truth, 0, 0, [], [], []
     for seed in (1, 2, 3):
+        if told == 2 and level:  # of three is enough
+            break
         study, noise = drifting_study(tmp_path, plant, seed)
         answer = fit(study.problem, budget=1500)
         d = diagnose(answer.problem, answer.best.x)

@@ -12,6 +12,7 @@ from plantfit.findings import read_findings
 from plantfit.fitting import fit
 from plantfit.intervals_compared import compare_intervals
 from plantfit.models import equations
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.measure.scale_source import GIVEN, SPREAD, UNIT, ScaleSource
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
@@ -190,3 +191,82 @@ def test_scales_are_asked_for_where_few_samples_cannot_show_them(few, said):
     assert (said or "w).") in told["sentence"]
     assert ("Give" in told["sentence"]) is bool(few)
     assert told["level"] == ("warning" if few else "info")
+
+
+def praised(found, output):
+    """What the verdict says in favour of an output, but of the steps of its simulation."""
+    said = [v for v in found.findings["verdict"] if "simulation" not in v["sentence"] and "count as 1" not in v["sentence"]]
+    return [v["sentence"] for v in said if v["level"] == "good" and f" {output} " in v["sentence"]]
+
+
+@pytest.mark.parametrize(
+    ("samples", "given"), [([60, 150], False), ([60, 150], True), ([20, 60, 110, 150], False), (range(5, 200, 9), False)]
+)
+def test_what_could_not_fail_is_not_praised(samples, given):
+    problem = seen_rarely(samples, noise=0.4)
+    found = fit(problem.with_scales({"y": 0.05, "w": 0.4}) if given else problem, seed=1)
+    (score,) = [s for s in found.findings["scores"] if s["output"] == "w"]
+    (told,) = [v for v in found.findings["verdict"] if v["sentence"].startswith("The model follows w")]
+    if len(samples) == 2:
+        assert score["spare"] == pytest.approx(0.0, abs=0.01)
+        assert told["level"] == "warning"
+        assert told["sentence"].endswith(
+            "these 2 are no more than the free parameters that follow them, so that this shows nothing: give more samples of w."
+        )
+        assert praised(found, "w") == []
+    else:
+        assert "spare" not in score or score["spare"] == pytest.approx(2.0, abs=0.1)
+        assert told["level"] != "warning" or score["fit_percent"] < 80
+        assert "shows nothing" not in told["sentence"]
+    assert any("follows y" in s for s in praised(found, "y"))
+
+
+def test_unseen_samples_are_compared_with_nothing_where_fitted_ones_could_not_miss():
+    for samples, compared in (([60, 110, 150, 170, 190], False), (range(5, 200, 9), True)):
+        problem = seen_rarely(samples, noise=0.4)
+        record = problem.experiments["recording"].recording
+        own = Problem(problem.model, Experiment(record, fit=(0.0, 7.0 if compared else 5.6), validate=(7.0 if compared else 5.6, 10.0)))
+        found = fit(own, seed=1)
+        (told,) = [v for v in found.findings["verdict"] if v["sentence"].startswith("On samples it has not seen, the RMSE of w")]
+        assert ("times that of the fitted samples" in told["sentence"]) is compared
+        assert told["sentence"].endswith("do not tell how large it may be.") is not compared
+        assert compared or told["level"] == "info"
+
+
+def line(u, noise, seed, given=None, free=("a", "b")):
+    """A straight line without time through as many points as there are `u`."""
+    rng = np.random.default_rng(seed)
+    declared = {n: {"bounds": (-10.0, 10.0)} for n in free}
+    model = equations(f"y = a*u + {'b' if 'b' in free else '1'}", inputs=["u"], outputs=["y"], parameters=declared)
+    u = np.asarray(u, dtype=float)
+    record = Recording(np.arange(len(u), dtype=float), {"u": Signal(u), "y": Signal(1.5 * u + 1.0 + noise * rng.normal(size=len(u)))})
+    return Problem(model, record, scales=given)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_points_of_a_line_fix_nothing_unless_their_errors_are_known(seed):
+    """The only output, no time: classical errors of a residual of nothing were those of rounding."""
+    found = fit(line([1.0, 4.0], 0.3, seed), seed=1)
+    rows = {row["name"]: row for row in found.findings["parameters"]}
+    assert {row["status"] for row in rows.values()} == {"flat"}
+    said = " ".join(v["sentence"] for v in found.findings["verdict"])
+    assert "The data determine" not in said
+    assert "Nothing shows how large the errors of y are, so that it fixes no parameter. Give a scale for y" in said
+    assert found.findings["weights"][0]["chosen"] == "unit"
+    known = fit(line([1.0, 4.0], 0.3, seed, given={"y": 0.3}), seed=1)
+    rows = {row["name"]: row for row in known.findings["parameters"]}
+    assert rows["a"]["standard_error"] == pytest.approx(0.3 * np.sqrt(2.0) / 3.0, rel=1e-3)
+    assert rows["b"]["standard_error"] == pytest.approx(0.3 * np.hypot(1.0, 4.0) / 3.0, rel=1e-3)
+    assert rows["a"]["high"] - rows["a"]["low"] == pytest.approx(2 * 1.96 * rows["a"]["standard_error"], rel=1e-2)
+    compared = compare_intervals(known, kinds=("profile", "bootstrap"), replicates=50).typed
+    (profile,) = [k for k in compared.parameters[0].kinds if k.kind == "profile"]
+    assert any(v.sentence.startswith("Refits do not move a, for its samples are followed exactly") for v in compared.verdict)
+    assert (profile.low, profile.high) == pytest.approx((rows["a"]["low"], rows["a"]["high"]), rel=0.02)
+
+
+@pytest.mark.parametrize(("u", "free"), [([1.0, 4.0], "a"), ([1.0, 4.0, 5.0], "ab"), ([1.0, 2.0, 3.0, 4.0, 9.0], "ab")])
+def test_more_points_than_parameters_show_their_errors(u, free):
+    found = fit(line(u, 0.3, 3, free=free), seed=1)
+    assert found.problem.scale_sources["y"] == UNIT
+    assert all(row["standard_error"] for row in found.findings["parameters"])
+    assert "shows nothing" not in " ".join(v["sentence"] for v in found.findings["verdict"])

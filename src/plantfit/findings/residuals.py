@@ -14,6 +14,31 @@ class Cross(Record):
     """Share of the residual's mean square that the past of the input foretells in stretches left out."""
 
 
+class Stretch(Record):
+    """A short stretch of a record that holds most of the squares of a residual, inputs and simulation being there as elsewhere."""
+
+    begin: float
+    end: float
+    """In s."""
+    share: float
+    """Of the squares."""
+    samples: float
+    """Share of the samples."""
+    gap: float | None = None
+    """Of the clock where it begins, in s."""
+
+
+class Turned(Record):
+    """A part of a record in which an output moves against the simulation."""
+
+    begin: float
+    end: float
+    """In s."""
+    within: float
+    """Correlation of measured and simulated samples there, and that of all others."""
+    elsewhere: float
+
+
 class ResidualTest(Record):
     """Tests of the residual of one output on the fitted samples of one recording."""
 
@@ -28,4 +53,6 @@ class ResidualTest(Record):
     shared: str | None = None
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}
+    stretch: Stretch | None = None
+    turned: Turned | None = None
     """By input."""

@@ -3,7 +3,8 @@
 from collections.abc import Collection
 from typing import Any
 
-from plantfit.errors import ModelError
+from plantfit import units
+from plantfit.errors import ModelError, UnitError
 
 _DIRECTIONS = ("falling", "rising", "both")
 
@@ -46,8 +47,16 @@ def _check_delays(where: str, model: Any) -> None:
         _check_known(f"{where} delays by {late.parameter!r}", late.parameter, "parameters", known)
         if late.state in {b.state for b in model.backlashes}:
             raise ModelError(f"{where} delays {late.state!r}, which follows with backlash; delay what drives it instead.")
+    for name in sorted({d.parameter for d in (*model.delays, *model.state_delays)} & {p.name for p in model.parameters}):
+        check_dead_time(where, name, model.declared(name).unit)
     channels = [*model.inputs, *(d.channel for d in (*model.delays, *model.state_delays)), "t"]
     _check_once(where, "channel", channels)
+
+
+def check_dead_time(where: str, name: str, unit: str | None) -> None:
+    """A dead time counts in seconds, whatever its unit says; a number without unit is one."""
+    if unit is not None and not any(units.equal(unit, own) for own in ("s", "1")):
+        raise UnitError(f"{where}: the dead time {name!r} has the unit {unit!r}, but dead times are in s; give its numbers in s.")
 
 
 def _check_tables(where: str, model: Any) -> None:

@@ -60,7 +60,7 @@ class NewRecording:
         if isinstance(given, Recording):
             before, initial_time = problem.begins
             given = Experiment(given, before=before, initial_time=initial_time)
-        needs, outputs = problem.predictor.needs, problem.outputs
+        needs, outputs = problem.needs, problem.outputs
         r = in_units(given.recording, {n: u for n, u in needs.items() if n not in outputs or n in given.recording.signals})
         unmeasured = {o: Signal(np.full(len(r), np.nan), needs[o]) for o in outputs if o not in r.signals}
         r = Recording(r.t, {**r.signals, **unmeasured}, r.name, r.log)

@@ -13,6 +13,7 @@ from plantfit.errors import RecordingError, SpaceError
 from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
+from plantfit.models.text.dimensions.said_later import check_said_later
 from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
@@ -22,6 +23,7 @@ from plantfit.problem.evaluate.smoothing import Smoothed, Smoothing
 from plantfit.problem.evaluate.triangle import compressed, triangle
 from plantfit.problem.measure.experiment import experiments_of, in_units
 from plantfit.problem.measure.fitted_parts import FittedParts
+from plantfit.problem.measure.recorded_units import recorded_units
 from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
 from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import Predictor, predictor_of
@@ -114,6 +116,10 @@ class Problem:
             recordings, split, skip, validate, *self.begins, self.predictor.needs, model.inputs if isinstance(model, Model) else None
         )  # fmt: skip
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
+        recorded = recorded_units(self.experiments, self.predictor.needs)
+        self.needs = {**self.predictor.needs, **recorded}  # signals with their units; where the model has none, those of the recordings
+        if isinstance(model, Model):
+            check_said_later(model, {n: p.unit for n, p in self.space.parameters.items()}, recorded)
         self._refuse_unfitted()
         # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py
         self.mesh: Mapping[str, np.ndarray] = {}
@@ -229,7 +235,7 @@ class Problem:
         """
         if set(recordings) != set(self.experiments):
             raise RecordingError(f"with_recordings got {sorted(recordings)}; give one for each of {list(self.experiments)}.")
-        experiments = {n: e.on(in_units(recordings[n], self.predictor.needs)) for n, e in self.experiments.items()}
+        experiments = {n: e.on(in_units(recordings[n], self.needs)) for n, e in self.experiments.items()}
         other = self._variant(experiments=experiments, _compiled={})
         other._prepare()
         self.compiled  # noqa: B018  made now, so that whatever is compiled later serves both

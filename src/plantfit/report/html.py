@@ -159,6 +159,7 @@ def _umask() -> int:
 def _context(record: Findings) -> dict[str, Any]:
     """Everything that the template shows."""
     drawings = Drawings()
+    named = record.diagnosis is not None and record.diagnosis.named
     shown = {
         "record": record,
         "title": record.name,
@@ -172,7 +173,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "missing": missing.of_findings(record, drawings),
         "looks": missing.looks(record, drawings),
-        "tests": [_test(test, drawings, record.diagnosis is not None and record.diagnosis.named) for test in record.residual_tests],
+        "tests": [_test(test, drawings, named or test.stretch is not None or test.turned is not None) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),

@@ -37,9 +37,12 @@ from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
+from plantfit.trust.validate.one_stretch import one_stretch
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
+from plantfit.trust.validate.spare_samples import with_spare
+from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.fit import ROUNDING
+from plantfit.trust.verdict.fit import ROUNDING, TESTED
 
 
 def assess(
@@ -79,7 +82,7 @@ def assess(
         schema_version=VERSION,
         name=problem.name,
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
-        scores=with_foretold(problem, local, list(_scores(problem, predictions)), tests),
+        scores=with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests),
         residual_tests=tests,
         data=[*problem_looks(problem), *stepped],
         diagnosis=None,
@@ -167,15 +170,19 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
     inputs = getattr(problem.model, "inputs", {})
     for name, experiment in problem.experiments.items():
         record, mask = experiment.recording, experiment.mask("fit")
-        if mask.sum() < 20:
-            continue
         for output in problem.outputs:
             residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
-            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
             own, p_value = whiteness(residual)
+            stretch, against, there = None, None, np.isfinite(residual)
+            if p_value <= 0.01 and problem.in_time:
+                at = np.flatnonzero(mask)[rows][there]
+                simulated = predictions[name][output][at]
+                against = turned(record.t[at], record[output][at], simulated)
+                stretch = None if against else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]
@@ -196,6 +203,8 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 p_value=p_value,
                 shared=experiment.shared_errors.get(output),
                 cross=cross,
+                stretch=stretch,
+                turned=against,
             )
 
 

@@ -65,7 +65,7 @@ class Filter:
         that is fitted, up to the last of them."""
         experiment = self.problem.experiments[str(self.plant.recording)]
         if recording is not None:
-            experiment = Experiment(in_units(recording, self.problem.predictor.needs), before=experiment.before)
+            experiment = Experiment(in_units(recording, self.problem.needs), before=experiment.before)
         record = self.plant.record(self.problem, experiment, fitted=fitted and recording is None)
         mean, root, told, rank = jax.tree.map(np.asarray, self.filtered(*map(jnp.asarray, (self.values, self.own, self.root)), record))
         if not np.all(np.isfinite(mean)):

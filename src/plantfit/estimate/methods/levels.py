@@ -88,7 +88,7 @@ def _number(place: str, value: float | str, unit: str | None, point: bool = Fals
     try:
         number, given = units.quantity(value)
         if unit is None:
-            return number
+            raise UnitError("the model has no unit for it, so give a number alone, or declare its unit.")
         return float(units.convert(number, given, unit)) if point else number * units.factor(given, unit)
     except UnitError as error:
         raise UnitError(f"{place} = {value!r}: {error}") from None

@@ -11,6 +11,9 @@ from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
+from plantfit.models.text.dimensions.said_later import checked_later
+from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
+from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
 from plantfit.models.text.expression import Node
 from plantfit.models.text.friction_text import FrictionTable
@@ -18,7 +21,7 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
-from plantfit.models.text.unit_check import UnitChecker, unit_of
+from plantfit.units import is_point
 
 # isort: split
 import jax.numpy as jnp
@@ -65,14 +68,16 @@ def equations(
     `nodes` their operating points, as numbers or {"from", "to", "count"}. `k(y)` or `k(y, u)` is then
     linear between the nodes and constant outside. Its values are a parameter with one entry for each
     node, whose bounds or known value stand in `parameters`.
-    check: compare units throughout; expressions with unknown units are left alone.
+    check: compare units throughout; those that are not declared may be any, but the declared ones must not contradict each other.
 
     Raises EquationError (with line and column) for anything wrong in the text, ModelError for
     declarations that contradict it, UnitError for units that do not exist.
     """
     if not isinstance(text, str):
         raise ModelError(f"Model {name!r}: the equations are {type(text).__name__}; write them as one text.")
-    return _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check).model(sentence, source)
+    builder = _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check)
+    model = builder.model(sentence, source)
+    return checked_later(model, lambda *beside: builder.whole_model().check_beside(*beside)) if check else model
 
 
 class _Builder:
@@ -248,6 +253,33 @@ class _Builder:
         states = {n: unit_of(u, f"state {n!r}") for n, u in d.states.items()}
         if not check:
             return
+        whole = self.whole_model()
+        try:
+            self._check_known_units(named, states, outputs)
+        except EquationError as error:
+            found = whole.contradiction()
+            line = None if found is None else found[0].line(found[1])
+            if line is None:
+                raise
+            raise EquationError(f"{error.reason.rstrip('.')}. {line}", error.text, error.line, error.column) from None
+        whole.check()
+        self._check_zeros(named, states, outputs)
+
+    def whole_model(self) -> WholeModel:
+        """What all statements say about units, also about those that nobody declared."""
+        channels = {d.channel: d.input for d in self.table.delays.values()}
+        channels |= {d.channel: d.state for d in self.table.state_delays.values()}
+        whole = WholeModel(self.declared, self.text, self.values, channels)
+        whole.delays(self.table.times)
+        whole.values(self.values)
+        whole.derivatives(self.derivatives)
+        whole.plays_and_events(self.hybrid.plays, self.hybrid.events)
+        whole.initial(self.initial)
+        return whole
+
+    def _check_known_units(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Follow declared units through every expression, as far as all that it reads is declared."""
+        d = self.declared
         numbers = {n: c.value for n, c in d.constants.items()}
         second = unit_of("s", "time")
         signals = {**named, **states, TIME: second}
@@ -270,6 +302,24 @@ class _Builder:
             if isinstance(node, Node) and node.op != "number":
                 start = UnitChecker({**named, **outputs, TIME: second}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
+
+    def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
+        d, found = self.declared, dict(states)
+        for output, unit in outputs.items():
+            shown = self._output_node(output).name
+            if shown in states and states[shown] is None:
+                found[shown] = unit
+        for state, node in self.initial.items():
+            if isinstance(node, Node) and found[state] is None:
+                found[state] = {**named, **outputs}.get(node.name)
+        degrees = {n: u for n, u in {**named, **found, **outputs}.items() if u is not None and is_point(u)}
+        if not any(states[n] is None for n in degrees if n in states):
+            return
+        axes = {n: (None,) * len(table.over) for n, table in d.tables.items()}
+        checker = UnitChecker(degrees, {n: c.value for n, c in d.constants.items()}, self.text, axes, numbers_known=False)
+        for expression in self._expressions():
+            checker.unit(expression)
 
     def _output_node(self, output: str) -> Node:
         if output in self.values:

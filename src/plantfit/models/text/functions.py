@@ -26,7 +26,7 @@ MANY = 64
 
 @dataclass(frozen=True)
 class Function:
-    """`least` to `most` arguments; `rule` says what units they take and give (`models.text.unit_check`).
+    """`least` to `most` arguments; `rule` says what units they take and give (`models.text.dimensions`: unit_check and relations).
 
     "same": one unit for all arguments and the result; "ratio": one for all arguments, and a number; "plain": numbers; "angle": radians,
     and a number; "choose": a condition, then as "same"; "logic": anything, and a number; "law": see `like_result`; "times", "over",

@@ -8,11 +8,11 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import EquationError
 from plantfit.models.parts.switching import Backlash, Event, Friction, Scalar
 from plantfit.models.text.declarations import Declarations
+from plantfit.models.text.dimensions.unit_check import UnitChecker
 from plantfit.models.text.expression import Node
 from plantfit.models.text.friction_text import FORM, FrictionTable, FrictionTerm, slope_sign
 from plantfit.models.text.parse import Statement, When
 from plantfit.models.text.suggest import suggest
-from plantfit.models.text.unit_check import UnitChecker
 
 # isort: split
 import jax

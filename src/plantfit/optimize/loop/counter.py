@@ -8,7 +8,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import Interrupted, SearchError
-from plantfit.optimize.contract import KeptCosts, Objective, Projected
+from plantfit.optimize.contract import CostOfData, KeptCosts, Objective, Projected
 from plantfit.optimize.local.damped_steps import Rows
 
 import jax
@@ -33,7 +33,9 @@ def _filled(x: np.ndarray, width: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _compiled(costs: Callable) -> Callable:
-    return costs.keep(costs.function, "candidates", ()) if isinstance(costs, KeptCosts) else jax.jit(costs)
+    if isinstance(costs, KeptCosts):
+        return costs.keep(costs.function, "candidates", ())
+    return costs if hasattr(costs, "lower") else jax.jit(costs)  # what is compiled already is not compiled anew
 
 
 def _pieces(count: int) -> Iterator[tuple[int, int]]:
@@ -92,7 +94,9 @@ class Counter:
         return f
 
     def _chunk(self, x: np.ndarray, size: int) -> np.ndarray:
-        f = np.array(_compiled(self.objective.costs)(_filled(x, size)), dtype=float)[: len(x)]
+        costs, filled = self.objective.costs, _filled(x, size)
+        found = _compiled(costs.function)(filled, costs.data) if isinstance(costs, CostOfData) else _compiled(costs)(filled)
+        f = np.array(found, dtype=float)[: len(x)]
         return np.where(np.isfinite(f), f, np.inf)
 
     def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:

@@ -66,14 +66,14 @@ def chunk_of(rows: int) -> int:
     return min(CHUNK, -(-rows // LANES) * LANES)
 
 
+def strong(a: Any) -> Array:
+    """An array whose type does not give way: weak ones of a first state would make jax compile what follows a second time."""
+    a = jnp.asarray(a)  # a plug-in may begin with a plain number
+    return lax.convert_element_type(a, a.dtype)
+
+
 def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
     """One run before its first generation; `key` is that of the run."""
-
-    def strong(a: Array) -> Array:
-        # weak types would make jax compile `advance` a second time
-        a = jnp.asarray(a)  # a plug-in may begin with a plain number
-        return lax.convert_element_type(a, a.dtype)
-
     zero = jnp.zeros((), int)
     state = method.init(jax.random.fold_in(key, 2**31), facts)
     return jax.tree.map(strong, Carry(state, jnp.full(facts.dimension, 0.5), jnp.asarray(jnp.inf), zero, zero, zero, zero))

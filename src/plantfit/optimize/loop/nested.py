@@ -9,6 +9,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Facts, Population
 from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.generations import strong
 
 import jax
 from jax import Array
@@ -35,7 +36,7 @@ class Nested:
         self.rows = method.rows(facts)
         self._ask, self._tell, self._refresh, self._live = _compiled(method, self.rows, facts.dimension)
         self._period = method.refresh_period(facts) if self._refresh is not None else 1  # type: ignore[attr-defined]
-        self.state = method.init(jax.random.fold_in(key, 2**31), facts)
+        self.state = jax.tree.map(strong, method.init(jax.random.fold_in(key, 2**31), facts))
         self.generations = self.evaluations = 0
         self.best_x, self.best_cost = np.full(facts.dimension, 0.5), np.inf
         self.stopped = False

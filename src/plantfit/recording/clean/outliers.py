@@ -34,12 +34,21 @@ def drop_outliers(recording: Recording, name: str, window: int = 11, threshold: 
     return with_signal(recording, name, values, signal.unit, sentence)
 
 
-def drop_samples(recording: Recording, name: str, times: Sequence[float]) -> Recording:
-    """Mark as missing the samples of a signal at these times, s, each to half a sampling period.
+def drop_samples(
+    recording: Recording, name: str, times: Sequence[float] | None = None, between: Sequence[Sequence[float]] = ()
+) -> Recording:
+    """Mark as missing the samples of a signal at these times, s, each to half a sampling period, and those in stretches [start, stop].
 
-    Raises RecordingError for a time at which there is no sample.
+    Raises RecordingError for a time at which there is no sample, and for a stretch without one.
     """
     signal, t = signal_of(recording, name), recording.t
+    values = signal.values.copy()
+    for stretch in between:
+        values[_between(name, t, stretch)] = np.nan
+    if times is None and len(between):
+        count = int(np.sum(np.isnan(values) & ~np.isnan(signal.values)))
+        told = f"{count} samples of {name!r} dropped in {len(between)} stretch{'es' if len(between) > 1 else ''} of time."
+        return with_signal(recording, name, values, signal.unit, told)
     try:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
     except (TypeError, ValueError):
@@ -54,9 +63,23 @@ def drop_samples(recording: Recording, name: str, times: Sequence[float]) -> Rec
         raise RecordingError(
             f"drop_samples({name!r}): there is no sample at {first:g} s; the recording has {t[0]:g} to {t[-1]:g} s, correct the time."
         )
-    values = signal.values.copy()
     values[at] = np.nan
     return with_signal(recording, name, values, signal.unit, f"{len(np.unique(at))} samples of {name!r} dropped by their times.")
+
+
+def _between(name: str, t: np.ndarray, stretch: Sequence[float]) -> np.ndarray:
+    """Which samples (n,) a stretch [start, stop] holds."""
+    try:
+        start, stop = (float(v) for v in stretch)
+    except (TypeError, ValueError):
+        start = stop = np.nan
+    inside = (t >= start) & (t <= stop)
+    if not inside.any():
+        raise RecordingError(
+            f"drop_samples({name!r}): between holds {stretch!r}; give pairs [start, stop] in seconds that hold samples, as in "
+            f"[[1.5, 2.25]]; the recording has {t[0]:g} to {t[-1]:g} s."
+        )
+    return inside
 
 
 def step_without(name: str, values: np.ndarray, t: np.ndarray, marked: np.ndarray) -> tuple[dict[str, Any], int]:

@@ -1,6 +1,6 @@
 """Looks at one signal: constant, missing, clipped, stuck, quantised, with spikes; and at an input that follows an output."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy  # scipy.special is loaded at its first use
@@ -12,6 +12,7 @@ from plantfit.recording.record import Recording
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
 PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
 STUCK = 20  # equal samples
+STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
 LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
@@ -76,7 +77,8 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             "stuck", "warning", recording.name, name,
             f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a row from t = {times[begin]:.4g} s on: the sensor may have "
             "been stuck.",
-            float(times[begin]), float(times[begin + longest - 1]), figures={"samples": float(longest)},
+            float(times[begin]), float(times[begin + longest - 1]), _without(name, times, sorted((b, n) for n, b in stuck)),
+            figures={"samples": float(longest)},
         )  # fmt: skip
     levels = np.unique(values)
     if len(levels) <= LEVELS * len(values) and (step := float(np.min(np.diff(levels)))) > COARSE * (high - low):
@@ -85,6 +87,12 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
         )  # fmt: skip
     yield from _spikes(recording, name, values, times, unit)
+
+
+def _without(name: str, times: np.ndarray, stuck: Sequence[tuple[int, int]]) -> str:
+    """The cleaning step that takes stretches away but for their first sample, which may have been right; each is (first sample, count)."""
+    stretches = [[float(f"{times[k]:.9g}") for k in (b + 1, b + n - 1)] for b, n in stuck[:STRETCHES]]
+    return f"clean = [{inline({'step': 'drop_samples', 'signal': name, 'between': stretches})}]"
 
 
 def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarray, unit: str) -> Iterator[Look]:

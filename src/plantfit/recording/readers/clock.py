@@ -83,7 +83,7 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
         stated = None
     if given is not None:
         if not compatible(given, "s"):
-            raise UnitError(f"time_unit {given!r} is not a unit of time; use 's', 'ms', 'us', 'min' or 'h'.")
+            raise UnitError(f"time_unit {given!r} is not a unit of time; use 's', 'ms', 'us', 'min', 'h' or 'day'.")
         if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
             raise UnitError(
                 f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header."

@@ -81,7 +81,8 @@ def split_header(header: str) -> tuple[str, str | None]:
     """(name, unit) of "u [V]", "u (V)", "u/V" or "v/(m/s)"; the unit is None when there is something else."""
     found = _BRACKETED.match(header.strip())
     if not found:
-        return quantity_over_unit(header.strip()) or (header.strip(), None)
+        below = header.rpartition("/")[2].strip() if "/" in header else ""
+        return quantity_over_unit(header.strip()) or (header.strip(), below if logarithmic(below) else None)
     unit = (found["square"] if found["square"] is not None else found["round"]).strip()
     if found["round"] is not None and unit in DIMENSIONLESS and unit != "-":
         return header.strip(), None

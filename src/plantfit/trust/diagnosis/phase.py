@@ -22,7 +22,7 @@ from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
 from plantfit.trust.verdict.fit import noise_rows
-from plantfit.trust.verdict.words import Sentence, say, study_file
+from plantfit.trust.verdict.words import Sentence, say, some, study_file
 
 Findings = dict[str, Any]
 
@@ -79,7 +79,8 @@ def with_diagnosis(
     record = diagnosis_record(found, alone=False, linear=linear)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
-    return _said(findings, best, {**record, **more, "next": _next(found, findings)})
+    first = list(_data_first(found, findings))
+    return _said(findings, best, {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)})
 
 
 def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Findings:
@@ -118,6 +119,14 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
         yield say("info", f"{tried} of {tried + untried} additions to the model were tried {limit}; {command} tries the rest.", tried=tried)
     elif found.found:
         yield say("info", f"What may be missing beside that was not tried in full {limit}; {command} does it.", tried=tried)
+
+
+def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """That what a diagnosis finds beside a sensor that seems stuck may stand for that; nothing where it finds nothing."""
+    outputs = some(list(dict.fromkeys(look["signal"] for look in findings.get("data", ()) if look["kind"] == "stuck")) or [""])
+    if outputs and (found.found or found.disturbed is not None or found.drifting is not None):
+        text = f"{outputs} may have been stuck, and what is said of what may be missing may stand for that: take those samples out first, "
+        yield say("warning", f"{text}as the look at {outputs} says, and run again.")
 
 
 def _after(found: Diagnosis) -> dict[str, Any]:

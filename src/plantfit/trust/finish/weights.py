@@ -1,12 +1,13 @@
 """The scales that residuals of several outputs are divided by: those given stay, the others follow the residuals."""
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 
 from plantfit.findings.recordings import Weight
 from plantfit.problem.evaluate import points
-from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
+from plantfit.problem.measure.scale_source import GIVEN, UNIT, ScaleSource
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import few_samples
 
@@ -29,7 +30,8 @@ def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarr
     11.4), and each of the two steps raises it, so that the rounds cannot go round in a circle.
 
     That likelihood has no maximum where an output has no more samples than there are free parameters: with a scale that goes to zero these
-    samples are followed exactly, at any cost to the other outputs. Such a scale stays at 1 % of the output's spread at least.
+    samples are followed exactly, at any cost to the other outputs. Such a scale stays at 1 % of the output's spread at least. Of the only
+    output, whose scale changes nothing, it stays as it is, and its source tells that it says nothing of the errors.
     """
     names = open_scales(problem)
     for k in range(1, ROUNDS + 1) if names else ():
@@ -41,6 +43,10 @@ def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarr
         if settled:
             break
         z = search(problem, z)
+    only = problem.outputs[0]
+    if len(problem.outputs) == 1 and problem.scale_sources[only] == UNIT and only in few_samples(problem):
+        exact = residual_scales(problem, z, (only,))[only] <= least_scale(problem, only)
+        problem = problem.with_scales({only: problem.scales[only]}, ScaleSource("few samples")) if exact else problem
     return problem, z
 
 
@@ -74,6 +80,8 @@ def who_chose(source: ScaleSource) -> str:
     if source.kind == "residuals":
         text = f"estimated from the residuals in {source.rounds} round{'s' if source.rounds > 1 else ''}"
         return text if source.settled else f"{text}, still changing"
+    if source.kind == "few samples" and not source.rounds:
+        return "the only output, with no more samples than there are free parameters, so that its noise cannot be told"
     return _WORDS[source.kind]
 
 
@@ -85,6 +93,11 @@ _WORDS = {
 }
 
 
+def _chosen(source: ScaleSource) -> Literal["given", "unit", "spread", "residuals"]:
+    """As findings have it: a least scale of few samples comes from residuals, but that of the only output, which is 1."""
+    return source.kind if source.kind != "few samples" else "residuals" if source.rounds else "unit"
+
+
 def weight_rows(problem: Problem) -> list[Weight]:
     """Rows of the findings record: the scale of every output in its unit, and who chose it."""
     return [
@@ -92,7 +105,7 @@ def weight_rows(problem: Problem) -> list[Weight]:
             output=o,
             unit=problem.model.outputs[o],
             scale=float(problem.scales[o]),
-            chosen=kind if (kind := problem.scale_sources[o].kind) != "few samples" else "residuals",
+            chosen=_chosen(problem.scale_sources[o]),
             who=who_chose(problem.scale_sources[o]),
             rounds=problem.scale_sources[o].rounds,
             settled=problem.scale_sources[o].settled,

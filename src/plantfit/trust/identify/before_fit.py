@@ -1,7 +1,7 @@
 """Before any fit: how many combinations of the parameters the records can determine, in symbols, and what would have to be known."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations as choices
 from itertools import islice
 from typing import Any
@@ -10,7 +10,13 @@ import numpy as np
 
 from plantfit.errors import PlantfitError
 from plantfit.problem.evaluate.points import residuals_and_jacobian, shared
+from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
+from plantfit.trust.finish.unknown_noise import few_samples
+from plantfit.trust.intervals.linearised import named_blocks
+from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
+from plantfit.trust.validate.spare_samples import spare_of
+from plantfit.trust.verdict.fit import SPARE
 from plantfit.trust.verdict.words import some
 
 POINTS = 8  # of the box
@@ -31,6 +37,11 @@ class BeforeFit:
     are not, `unseen` parameters without any effect. `open` are the parameters of which only combinations are determined, and each of
     `fix` is a set of them that makes the others determined. `rough` maps parameters that noise of 1 % would leave roughly known to their
     median relative standard error. `points` were tried, `lost` of them could not be simulated.
+
+    `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody gave, to the number
+    of these samples: nothing shows how large their errors are, and a fit gives no interval that rests on them. Without them the rank is
+    `heard`, and `heard_alone` are determined by themselves. `few` is the number of all fitted samples where they are too few for intervals
+    that hold, else 0.
     """
 
     names: tuple[str, ...]
@@ -43,6 +54,10 @@ class BeforeFit:
     rough: dict[str, float]
     points: int
     lost: int
+    silent: dict[str, int] = field(default_factory=dict)
+    heard: int = 0
+    heard_alone: tuple[str, ...] = ()
+    few: int = 0
 
     @property
     def sentences(self) -> list[tuple[str, str]]:
@@ -55,6 +70,7 @@ class BeforeFit:
         return {
             "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together), "open": list(self.open),
             "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points, "lost": self.lost,
+            "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
             "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
         }  # fmt: skip
 
@@ -94,7 +110,40 @@ def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFi
     return BeforeFit(
         tuple(space.names), rank, tuple(alone), tuple(together), tuple(names[k] for k in loose),
         tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points, points - len(good),
+        *_heard(own, problem, key, points), _too_few(problem),
     )  # fmt: skip
+
+
+def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[str, int], int, tuple[str, ...]]:
+    """Outputs whose errors nothing shows and their samples, the rank without them, and which parameters are determined alone then.
+
+    They are those that are followed exactly at most of the points while others are followed with errors of 1 %, as in the fit
+    (`trust.finish.weights`).
+    """
+    few = [o for o in few_samples(problem) if problem.scale_sources[o] != GIVEN]
+    if not few:
+        return {}, 0, ()
+    named = named_blocks(own)
+    at = np.random.default_rng(key).uniform(0.02, 0.98, (points, problem.space.dimension))
+    found = [j for z in at if np.all(np.isfinite(j := np.asarray(residuals_and_jacobian(own, z)[1])))]
+    spare = [spare_of(j, named) for j in found]
+    left = {o: float(np.median([sum(v for (_, of), v in own_.items() if of == o) for own_ in spare])) for o in few} if found else {}
+    silent = {o: sum(len(index[o]) for index in problem.data["index"].values()) for o, v in left.items() if v < SPARE}
+    if not silent:
+        return {}, 0, ()
+    kept = np.concatenate([np.full(b.rows.stop - b.rows.start, o not in silent) for _, o, b in named])
+    bases = [_open(j * kept[:, None], np.linalg.norm(j, axis=0)) for j in found]
+    least = min(n.shape[1] for n in bases)
+    moved = np.max([np.max(np.abs(n), axis=1, initial=0.0) for n in bases if n.shape[1] == least], axis=0)
+    alone = tuple(n for n, w in zip(problem.space.names, moved, strict=True) if w <= SAME)
+    return silent, problem.space.dimension - least, alone
+
+
+def _too_few(problem: Problem) -> int:
+    """The fitted samples where a fit with errors that are correlated in time will say that they are too few; else 0."""
+    fitted, d = sum(problem.parts.counts.values()), problem.space.dimension
+    known = fitted <= d and all(source == GIVEN for source in problem.scale_sources.values())
+    return fitted if problem.robust and problem.in_time and fitted < d + LEAST_FREE and not known else 0
 
 
 def _spread(problem: Problem, output: str) -> float:
@@ -126,13 +175,13 @@ def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
     return jacobian * np.sqrt(count / len(r)) if np.isfinite(r).all() and np.isfinite(jacobian).all() else None
 
 
-def _open(jacobian: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (d, d - rank) of the directions in logarithms that change nothing."""
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    _, singular, right = np.linalg.svd(jacobian / size, full_matrices=True)
+def _open(jacobian: np.ndarray, size: np.ndarray | None = None) -> np.ndarray:
+    """An orthonormal basis (d, d - rank) of the directions that change nothing; sensitivities (k, d) are small beside their `size` (d,)."""
+    norms = np.linalg.norm(jacobian, axis=0) if size is None else size
+    by = np.where(norms > 0, norms, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / by, full_matrices=True)
     singular = np.r_[singular, np.zeros(len(right) - len(singular))]
-    null = right[singular <= RANK * max(singular[0], 1e-300)].T / size[:, None]
+    null = right[singular <= RANK * max(singular[0], 1e-300)].T / by[:, None]
     return np.linalg.qr(null / np.maximum(np.linalg.norm(null, axis=0), 1e-300))[0] if null.shape[1] else null
 
 
@@ -246,8 +295,10 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
             "warning",
             f"{some(found.unseen)} {does} no effect on the fitted samples at any of {tried}: hold a value, or record what it acts on.",
         )
+    yield from _unheard(found)
     if found.rank == d:
-        yield "info", f"These records can tell all {d} parameters apart (rank of the sensitivities at {tried})."
+        given = f"With {'a scale' if len(found.silent) == 1 else 'scales'} for {some([*found.silent])} these" if found.silent else "These"
+        yield "info", f"{given} records can tell all {d} parameters apart (rank of the sensitivities at {tried})."
     elif found.rank + len(found.unseen) < d:
         told = [*found.alone, *found.together]
         can = f"These records can determine {found.rank} of {d} at best"
@@ -262,6 +313,21 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
         known = f" with {some(found.fix[0])} known" if found.fix else ""
         left = f"Noise of 1 % of the outputs' standard deviation would leave {some(worst)} known only to more than {100 * ROUGH:.0f} %"
         yield "info", f"{left} at half of these points{known}."
+
+
+def _unheard(found: BeforeFit) -> Iterator[tuple[str, str]]:
+    """That nothing will show the errors of some outputs, and what is left without them; that samples are too few for any interval."""
+    d = len(found.names)
+    if found.silent:
+        many, of = len(found.silent) > 1, some([*found.silent])
+        text = f"{of} {'have' if many else 'has'} {some([str(n) for n in found.silent.values()])} fitted samples, no more than the "
+        text += f"parameters that follow them, and nothing shows how large {'their' if many else 'its'} errors are. "
+        known = f": {', '.join(found.heard_alone)}" if found.heard == len(found.heard_alone) and found.heard else ""
+        text += f"Unless the study gives {'scales' if many else 'a scale'} for {of}, these records determine "
+        text += f"{found.heard or 'none'} of {d} parameters{' at best' if found.heard else ''}{known}."
+        yield "warning", text
+    if found.few and not found.silent:
+        yield "warning", f"{found.few} fitted samples are too few for {d} parameters: a fit will call none of them determined."
 
 
 def _advice(found: BeforeFit) -> str:

@@ -44,6 +44,12 @@ class OutputErrors:
         return max(float(np.mean(residuals**2)) * self.larger, self.least)
 
 
+def known_variance(blocks: Sequence[Block], samples: int, coordinates: int) -> float:
+    """The least variance of scaled residuals: 1 where all scales are known and `samples` are no more than `coordinates`, for residuals
+    may be nothing then whatever the errors are; else 0."""
+    return 1.0 if samples <= coordinates and blocks and all(b.scaled for b in blocks) else 0.0
+
+
 def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float) -> dict[str, OutputErrors]:
     """By output, from the derivatives (m, d) and the inverse (d, d) of J'J / `variance`, the mean square of all residuals.
 
@@ -54,7 +60,8 @@ def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, var
     m, d = j.shape
     left, counts = dict.fromkeys((b.output for b in blocks), 0.0), dict.fromkeys((b.output for b in blocks), 0)
     if len(left) == 1:
-        return {o: OutputErrors(m / max(1, m - d), 0.0, float(max(1, m - d))) for o in left}
+        known = known_variance(blocks, m, d)
+        return {o: OutputErrors(m / max(1, m - d), variance * known, np.inf if known else float(max(1, m - d))) for o in left}
     for block in blocks:
         rows = j[block.rows]
         on = np.flatnonzero(np.any(rows != 0.0, axis=0))
@@ -182,7 +189,8 @@ def covariance(
     j = jacobian[:, active]
     degrees = max(1, len(residuals) - len(active))
     data = normal_matrix(j, blocks)
-    variance = max(float(residuals @ residuals) / degrees, rounding(data, len(residuals)))
+    least = max(rounding(data, len(residuals)), known_variance(blocks, len(residuals), len(active)))
+    variance = max(float(residuals @ residuals) / degrees, least)
     hessian = data / variance
     smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
     before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))

@@ -13,7 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.finish.unknown_noise import as_known, unknown_noise
 from plantfit.trust.identify.directions import Direction, flat_directions
-from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, normal_matrix
+from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, known_variance, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
@@ -68,6 +68,7 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
         physical = cube * slope[:, None] * slope[None, :]
         unboxed = _unboxed(space, values, slope, jacobian, residuals, blocks, free, smoothing, robust, begins)
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
+    variance = max(variance, known_variance(blocks, len(residuals), int(free.sum())))
     information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
     on = np.flatnonzero(free)
     directions = flat_directions(

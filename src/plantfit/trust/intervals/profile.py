@@ -12,7 +12,7 @@ from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_lo
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
-from plantfit.trust.intervals.covariance import box_prior, normal_matrix, not_below, output_errors, own_student
+from plantfit.trust.intervals.covariance import box_prior, known_variance, normal_matrix, not_below, output_errors, own_student
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
 
 STEPS = 12  # points to either side at most
@@ -161,8 +161,9 @@ def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
     place_in, jacobian = int(np.sum(free[:place])), jacobian[:, free]
-    variance = max(float(residuals @ residuals) / max(1, len(residuals) - int(free.sum())), np.finfo(float).tiny)
     blocks = residual_blocks(problem)
+    least = max(known_variance(blocks, len(residuals), int(free.sum())), np.finfo(float).tiny)
+    variance = max(float(residuals @ residuals) / max(1, len(residuals) - int(free.sum())), least)
     hessian = normal_matrix(jacobian, blocks) / variance
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
     whole = np.linalg.inv(curved + box_prior(curved))

@@ -12,7 +12,7 @@ from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.at_limits import limit_factors
-from plantfit.trust.intervals.covariance import Block, begun, own_student, rounding, sandwich
+from plantfit.trust.intervals.covariance import Block, begun, known_variance, own_student, rounding, sandwich
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -20,6 +20,7 @@ MOST = 60  # coordinates up to which ranges are made; their number enters to the
 LEVEL = 0.95
 SLOW, FEW = 0.99, 8.0  # correlation above, and independent samples more than parameters below, intervals are too short
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+MANY = 1e6  # degrees of freedom of a variance that is known
 HALVINGS = 40
 
 
@@ -105,10 +106,11 @@ def linear_problem(
     width, typical = (space.upper - space.lower)[at], np.array([c.typical for c in coordinates])
     by_value = jacobian[:, at] / space.slopes(z)[at]
     norms, free = np.linalg.norm(by_value, axis=0), max(1, len(residuals) - len(at))
-    alone = np.sqrt(float(residuals @ residuals) / free) / np.maximum(norms, 1e-300)  # how far it is known if all others are
+    known = known_variance(blocks, len(residuals), len(at))
+    alone = np.sqrt(max(float(residuals @ residuals) / free, known)) / np.maximum(norms, 1e-300)  # how far it is known if all others are
     size = np.maximum(np.maximum(np.abs(values), typical), np.maximum(np.minimum(alone, width), 1e-12 * width))
     j = by_value * size
-    variance = max(float(residuals @ residuals) / free, rounding(np.diag(np.sum(j**2, axis=0)), len(residuals)))
+    variance = max(float(residuals @ residuals) / free, rounding(np.diag(np.sum(j**2, axis=0)), len(residuals)), known)
     small = triangle(j, residuals) / np.sqrt(variance)
     rows = np.vstack([small[:, :-1], np.eye(len(at)) / FAR])
     rest = np.concatenate([small[:, -1], np.zeros(len(at))])
@@ -117,8 +119,8 @@ def linear_problem(
     own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
     spread = own + begun(j, bread, variance, begins)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
-    sound = bool(not robust or (memory <= SLOW and samples - len(at) >= FEW))
-    quantile = float(stdtrit(max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
+    sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= FEW))
+    quantile = float(stdtrit(MANY if known else max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
     inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)

@@ -13,7 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
-from plantfit.trust.intervals.covariance import box_prior, covariance, normal_matrix
+from plantfit.trust.intervals.covariance import box_prior, covariance, known_variance, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.linearised import EDGE, linearise, residual_blocks
 from plantfit.trust.intervals.ranges import linear_problem, plain_space
@@ -205,7 +205,8 @@ def _slope(problem: Problem, z: np.ndarray) -> np.ndarray:
 def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What takes residuals to moves of the coordinates `at` (q, m), and the covariance (q, q) that the noise gives them."""
     blocks, j = residual_blocks(problem), jacobian[:, at]
-    variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(at)), np.finfo(float).tiny)
+    least = max(known_variance(blocks, len(residuals), len(at)), np.finfo(float).tiny)
+    variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(at)), least)
     hessian = normal_matrix(j, blocks) / variance
     smoothing = None if problem.smoothing is None else problem.smoothing.matrix[np.ix_(at, at)]
     if smoothing is not None:

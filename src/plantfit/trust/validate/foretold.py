@@ -10,7 +10,7 @@ from plantfit.findings.recordings import Score
 from plantfit.findings.residuals import ResidualTest
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.linearised import Local, natural_sizes
-from plantfit.trust.verdict.fit import HOLDS
+from plantfit.trust.verdict.fit import HOLDS, SPARE
 
 CHANCE = 0.01  # of a larger error, if the model is right
 MOST = 60  # parameters: beyond, so many simulations take too long
@@ -20,7 +20,7 @@ FAR = 0.5  # of the size of a parameter: no step of a derivative is longer
 def with_foretold(problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest]) -> list[Score]:
     """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals do not speak
     against the model: they are white in all recordings, as far as they were tested."""
-    fitted = [s for s in scores if s.part == "fit" and s.rmse]
+    fitted = [s for s in scores if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE)]
     samples, d = sum(s.n for s in fitted), len(local.values)
     sound = local.linear is None or local.linear.sound
     if d > MOST or samples <= d or not sound:

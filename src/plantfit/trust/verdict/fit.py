@@ -12,6 +12,8 @@ GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
 HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
+TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
+SPARE = 0.5  # samples beyond the parameters that follow them, below which the fit shows nothing
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
@@ -72,6 +74,15 @@ def _names(rows: Sequence[Row]) -> str:
     return some([r["recording"] for r in rows])
 
 
+def _shows_nothing(row: Row) -> bool:
+    """Whether as many parameters as samples follow these."""
+    spare = row.get("spare")
+    return spare is not None and spare < SPARE
+
+
+_MUST = "no more than the free parameters that follow them, so that this shows nothing: give more samples of"
+
+
 def _fit_level(row: Row) -> str:
     percent = row["fit_percent"]
     if percent is None or (percent < GOOD and row["at_floor"]):
@@ -82,12 +93,27 @@ def _fit_level(row: Row) -> str:
 def _fit(findings: Findings, row: Row) -> Sentence:
     percent = row["fit_percent"]
     text = f"The model follows {_where(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the fitted samples"
+    if _shows_nothing(row):
+        text += f", but these {row['n']} are {_MUST} {row['output']}."
+        return say("warning", text, rmse=row["rmse"], samples=row["n"])
     text += f", a fit of {percent:.1f} %" if percent is not None else ""
     text += "; what is left is its noise from sample to sample." if percent is not None and percent < GOOD and row["at_floor"] else "."
     return say(_fit_level(row), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
 
 
 def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    empty = [r for r in rows if _shows_nothing(r)]
+    if len(empty) <= FEW:
+        yield from (_fit(findings, r) for r in empty)
+    else:
+        which = f"{len(empty)} recordings ({_names(empty)})"
+        rmse = span([r["rmse"] for r in empty], rows[0]["unit"])
+        text = f"The model follows {output} of {which} with an RMSE of {rmse} on the fitted samples, but in each they are {_MUST} {output}."
+        yield say("warning", text, rmse=max(r["rmse"] for r in empty), recordings=len(empty))
+    rows = [r for r in rows if r not in empty]
+    if len(rows) <= FEW:
+        yield from (_fit(findings, r) for r in rows)
+        return
     unit, known = rows[0]["unit"], [r for r in rows if r["fit_percent"] is not None]
     rmse = span([r["rmse"] for r in rows], unit)
     text = f"The model follows {output} of {len(rows)} recordings with an RMSE of {rmse} on the fitted samples"
@@ -104,10 +130,17 @@ _HOLDS = {"good": "it holds", "warning": "it holds in part", "bad": "it does not
 
 
 def _base(findings: Findings, row: Row) -> float | None:
-    """The RMSE of the fitted samples that an unseen one is compared with."""
-    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit"}
+    """The RMSE of the fitted samples that an unseen one is compared with; None where all of them are followed whatever they are."""
+    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit" and not _shows_nothing(r)}
     own = fitted.get((row["recording"], row["output"]))
     return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
+
+
+def _alone(findings: Findings, output: str) -> str:
+    """That nothing can be compared with an unseen RMSE where fitted samples show nothing."""
+    empty = any(_shows_nothing(r) for r in findings["scores"] if r["part"] == "fit" and r["output"] == output)
+    text = f"; fitted samples of {output} are no more than the parameters that follow them, and do not tell how large it may be"
+    return text if empty else ""
 
 
 def _held_level(ratio: float) -> str:
@@ -128,6 +161,14 @@ def failing(findings: Findings) -> list[str]:
         if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
             found[row["output"]] = None
     return list(found)
+
+
+def lacking(findings: Findings) -> list[str]:
+    """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above their noise or named by the
+    diagnosis; those not whose record is odd in one stretch."""
+    above, named = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR}, _diagnosed(findings)["named"]
+    tests = [r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
 
 
 def _most_noise(findings: Findings, output: str) -> float | None:
@@ -157,7 +198,7 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     base = _base(findings, row)
     text = f"On samples it has not seen, the RMSE of {_where(findings, row)} is {with_unit(row['rmse'], row['unit'])}"
     if not base:
-        return say("info", text + ".", rmse=row["rmse"])
+        return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio = row["rmse"] / base
     level = _held_level(ratio)
     words = _drift_ends(findings, row) if level != "good" else None
@@ -200,7 +241,7 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is {span([r['rmse'] for r in rows], rows[0]['unit'])}"
     )
     if not all(bases):
-        yield say("info", text + ".", rmse=max(r["rmse"] for r in rows))
+        yield say("info", f"{text}{_alone(findings, output)}.", rmse=max(r["rmse"] for r in rows))
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = _most_noise(findings, output)
@@ -270,6 +311,27 @@ def _unmoved(c: Mapping[str, Any]) -> bool:
     return c["bound"] <= SEEN and explained is not None and explained < UNTOLD
 
 
+def _odd(row: Row, named: bool) -> str:
+    """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named` what may be missing."""
+    if against := row.get("turned"):
+        part = f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves against the simulation"
+        figures = f"correlation {against['within']:.2f}, elsewhere {against['elsewhere']:.2f}"
+        return f"{part} ({figures}): the sign of {row['output']} or of an input may be wrong there"
+    return _lies(row["stretch"]) if row.get("stretch") and not named else ""
+
+
+def _lies(stretch: Mapping[str, Any]) -> str:
+    """Where most of a residual lies, and what to look for there."""
+    first, last = number(stretch["begin"], 4), number(stretch["end"], 4)
+    text = f"{100 * stretch['share']:.0f} % of their squares lie from t = {first} to {last} s"
+    text += f" ({100 * stretch['samples']:.2g} % of the samples)"
+    if stretch.get("gap"):
+        gap = f"a gap of the clock of {number(stretch['gap'])} s, over which inputs are held"
+        return f"{text}, after {gap}: make two recordings of it, cut before and after the gap"
+    what = "lost rows, a jump of the clock, a wrong reading or a disturbance"
+    return f"{text}, where inputs and simulation do what they do elsewhere: look at the record there for {what}"
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = _where(findings, row)
     if row["white"]:
@@ -287,6 +349,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
             "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
         )
     known = _diagnosed(findings)
+    if odd := _odd(row, known["named"]):
+        text = text.removesuffix(", and something systematic is missing")
+        return say("warning", f"{text}, and {odd}.", correlation=_next(row))
     text += (
         "."
         if known["named"] or (known["tried"] and not left)
@@ -313,25 +378,31 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         named = _diagnosed(findings)["named"]
-        left = [] if named else [r for r in coloured if any(_follows(c) for c in r["cross"].values())]
+        odd = [r for r in coloured if _odd(r, named)]
+        left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
+        for r in odd[:FEW]:
+            text += f" In {r['recording']} {_odd(r, named)}."
+        text += f" So are {len(odd) - FEW} more odd." if len(odd) > FEW else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 
 
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
-    for record in findings["recordings"]:
-        for name, o in record["outputs"].items():
+    for record in findings.get("recordings", ()):
+        for name, o in record.get("outputs", {}).items():
             part = np.array(o["part"]) == "fit"
-            if part.sum() < 20:
-                continue
             measured = np.array(o["measured"], dtype=float)
             residual = (measured - np.array(o["simulated"], dtype=float))[part]
-            if not np.any(np.isfinite(residual)) or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
-                continue  # not measured in this recording, or followed exactly
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
+                continue  # hardly measured in this recording, or followed exactly
             noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
                 yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
+
+
+def _same(a: Row, b: Row) -> bool:
+    return (a["recording"], a["output"]) == (b["recording"], b["output"])
 
 
 def _noise(findings: Findings, row: Row) -> Sentence:
@@ -340,7 +411,9 @@ def _noise(findings: Findings, row: Row) -> Sentence:
         f"the residual is {row['ratio']:.1f} times that"
     )
     floor = row["ratio"] < FLOOR
-    end = ": the fit is at the noise floor." if floor else ", so a better model could still gain."
+    own: Row = next((r for r in findings.get("residual_tests", ()) if _same(r, row)), {})
+    above = ", most of it in that stretch." if own.get("stretch") else "." if own.get("turned") else ", so a better model could still gain."
+    end = ": the fit is at the noise floor." if floor else above
     return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
-from plantfit.trust.verdict.fit import failing
+from plantfit.trust.verdict.fit import failing, lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
 
@@ -19,7 +19,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """Which parameters the data determine, and which not."""
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
-    yield from _determined(single, free, _denied(findings), failing(findings))
+    yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings))
     yield from _unsound(findings.get("determined"), sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit"))
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
@@ -48,7 +48,7 @@ def _denied(findings: Mapping[str, Any]) -> str:
     return some(list(found)) if found else ""
 
 
-def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: Sequence[str]) -> Iterator[Sentence]:
+def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: Sequence[str], lacks: Sequence[str]) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
         return
@@ -61,7 +61,10 @@ def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: 
         text += f" The intervals take residuals as independent, and those of {denied} are not."
     if fails:
         text += f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the plant's may be others."
-    yield say("warning" if denied or fails else "good" if len(good) == total else "info", text, determined=len(good))
+    elif lacks and not denied:
+        text += f" More than noise is left of {some(list(lacks))}: these are the model's values, and the plant's may be others, "
+        text += "by more than ± tells."
+    yield say("warning" if denied or fails else "good" if len(good) == total and not lacks else "info", text, determined=len(good))
 
 
 def _counted(good: Sequence[Row]) -> str:

@@ -9,9 +9,9 @@ LISTED = 8  # outputs in one sentence
 
 
 def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """One sentence on the residuals that count as 1, where there are several outputs or the user gave one."""
+    """One sentence on the residuals that count as 1, where there are several outputs, the user gave one, or errors cannot be told."""
     rows = findings.get("weights", ())
-    if len(rows) < 2 and not any(row["chosen"] == "given" for row in rows):
+    if len(rows) < 2 and not any(row["chosen"] == "given" or row.get("few") for row in rows):
         return
     told = [f"{row['output']} {with_unit(row['scale'], row['unit'])} ({row['who']})" for row in rows[:LISTED]]
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""

@@ -24,9 +24,9 @@ def worst(levels: Iterable[str]) -> str:
     return max(levels, key=_ORDER.index)
 
 
-def number(value: float) -> str:
-    """Three significant digits."""
-    return f"{value:.3g}"
+def number(value: float, digits: int = 3) -> str:
+    """Three significant digits, or so many."""
+    return f"{value:.{digits}g}"
 
 
 def with_unit(value: float, unit: str | None) -> str:

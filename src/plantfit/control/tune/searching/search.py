@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,10 +14,13 @@ from plantfit.control.tune.frequency import margins_in_search, noise_at_input, o
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
 from plantfit.control.tune.searching.figures import figure
 from plantfit.control.tune.wishes import Wishes
-from plantfit.errors import SearchError
+from plantfit.errors import SearchError, Status
 from plantfit.optimize import Objective, minimise
-from plantfit.optimize.contract import CostOfData
+from plantfit.optimize.algorithms.cma_es.cmaes import CmaEs
+from plantfit.optimize.contract import CostOfData, Facts, Needs
+from plantfit.optimize.loop.counter import Counter
 from plantfit.optimize.loop.generations import LANES
+from plantfit.optimize.loop.nested import Nested
 
 import jax
 import jax.numpy as jnp
@@ -62,7 +65,7 @@ class Search:
         form = self.form
         first = _in_rows(costs, starts)
         best = starts[np.argsort(first)[:1]]
-        runs = minimise(Objective(form.space.dimension, costs, start=best), "cmaes", budget=budget, runs=1, seed=seed, progress=progress)
+        runs = minimise(Objective(form.space.dimension, costs, start=best), _Cmaes(), budget=budget, runs=1, seed=seed, progress=progress)
         run = min(runs, key=lambda r: r.cost)
         if min(run.cost, np.min(first)) >= 1e5:
             raise SearchError(
@@ -97,6 +100,21 @@ class Search:
         if goal is not None:
             found["goal"] = (goal.ideal, goal.spread, goal.shares)
         return jax.tree.map(jnp.asarray, found)
+
+
+@dataclass(frozen=True)
+class _Cmaes:
+    """`cmaes` driven from outside of the compiled program: a loop over plants takes seconds to compile, and so it is compiled once for the
+    search and for points on their own, and the method once for all loops."""
+
+    needs: ClassVar[Needs] = CmaEs.needs
+
+    def run(self, key: Any, objective: Objective, budget: int, counter: Counter) -> Status:
+        facts = Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start)
+        population = Nested(CmaEs(), facts, key)
+        while not population.stopped:
+            population.generation(counter)
+        return Status.converged
 
 
 @dataclass(frozen=True, eq=False)

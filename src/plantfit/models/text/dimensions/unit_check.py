@@ -61,16 +61,22 @@ class UnitChecker:
     """Infers units of expressions from the units of names; raises EquationError at the place of a misfit.
 
     `numbers` are the values of named constants, for exponents; `axes` the units that the arguments
-    of each table must have.
+    of each table must have. Without `numbers_known` numbers in the text may have any unit.
     """
 
     def __init__(
-        self, named: Mapping[str, Unit], numbers: Mapping[str, float], text: str, axes: Mapping[str, tuple[Unit, ...]] | None = None
+        self,
+        named: Mapping[str, Unit],
+        numbers: Mapping[str, float],
+        text: str,
+        axes: Mapping[str, tuple[Unit, ...]] | None = None,
+        numbers_known: bool = True,
     ):
         self.named = dict(named)
         self.numbers = numbers
         self.text = text
         self.axes = axes or {}
+        self.numbers_known = numbers_known
         self._rules: dict[str, Callable[[Node, list[Unit]], Unit]] = {
             "same": self._same,
             "ratio": self._ratio,
@@ -88,7 +94,7 @@ class UnitChecker:
     def unit(self, node: Node) -> Unit:
         """The unit of an expression."""
         if node.op == "number":
-            return ZERO if node.number == 0 else self._plain_unit()
+            return ZERO if node.number == 0 else self._plain_unit() if self.numbers_known else None
         if node.op == "name":
             return self.named.get(node.name)
         if node.table is not None:
@@ -116,6 +122,8 @@ class UnitChecker:
             first_arg, first = known[0]
             if same(first, unit, shifted=node.op in ("+", "-")):
                 continue
+            if {first_arg.op, arg.op} == {"number", "name"} and "t" in (first_arg.name, arg.name):
+                continue  # t is in seconds, and so is a number beside it
             for number, other in ((first_arg, unit), (arg, first)):
                 if number.op == "number":
                     raise self._literal(number, other)

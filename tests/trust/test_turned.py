@@ -1,0 +1,81 @@
+"""An output that moves against the simulation in a part of the record: a sign is wrong there, and only there it is said."""
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from plantfit.findings import read_findings
+from plantfit.fitting import fit
+from plantfit.models import equations
+from plantfit.problem import Problem
+from plantfit.recording.record import Recording, Signal
+from plantfit.trust.validate.turned import turned
+from plantfit.trust.verdict.fit import noise_sentences, residual_sentences
+
+N = 1500
+T = 0.1 * np.arange(N)
+
+
+def output(u, numerator=(1.0,), denominator=(1.0, 1.0)):
+    b, a, _ = cont2discrete((list(numerator), list(denominator)), 0.1)
+    return lfilter(b.ravel(), a, u)
+
+
+def steps(rng, held=30):
+    return np.repeat(rng.uniform(-2.0, 2.0, N // held + 1), held)[:N]
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.3])
+@pytest.mark.parametrize(("first", "last"), [(750, N), (0, 300), (500, 900), (1100, N)])
+@pytest.mark.parametrize("offset", [0.0, 5.0])
+def test_a_part_of_the_wrong_sign_is_placed(first, last, offset, noise):
+    told = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        x = output(steps(rng))
+        y = x + noise * np.std(x) * rng.normal(size=N)
+        y[first:last] *= -1.0
+        if (found := turned(T, y + offset, x)) is None:
+            continue  # in a short part the simulation passes its mean too seldom
+        told += 1
+        assert (found.begin, found.end) == pytest.approx((T[first], T[last - 1]), abs=8.0)
+        assert found.within < -0.8
+        assert found.elsewhere > 0.8
+    assert told >= (10 if last - first > 500 else 8)
+
+
+@pytest.mark.parametrize("held", [20, 50, 150])
+def test_wrong_models_do_not_turn(held):
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        u = steps(rng, held)
+        x = output(u)
+        slow = lfilter([1.0], [1.0, -0.98], rng.normal(size=N))
+        others = [
+            output(u, [1.0], [6.0, 5.0, 1.0]), output(u, [4.5], [1.0, 1.2, 9.0]), output(u, [1.0], [1.0, 0.1, 1.0]), x + slow, slow,
+            np.cumsum(rng.normal(size=N)), x**2, np.abs(x), -x, np.r_[np.zeros(30), x[:-30]], np.r_[np.zeros(100), x[:-100]],
+        ]  # fmt: skip
+        assert not [k for k, y in enumerate(others) if turned(T, y, x) is not None]
+
+
+@pytest.mark.parametrize("channel", ["u", "y", None])
+def test_the_verdict_names_the_part_and_no_better_model(channel):
+    rng = np.random.default_rng(12)
+    u = steps(rng)
+    y = output(12.0 * u) + 0.3 * rng.normal(size=N)
+    record = {"u": u.copy(), "y": y.copy()}
+    if channel:
+        record[channel][1000:] *= -1.0
+    model = equations(
+        "x' = (K*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"],
+        parameters={"K": {"bounds": (0.1, 100.0)}, "tau": {"bounds": (0.01, 20.0)}},
+    )  # fmt: skip
+    answer = fit(Problem(model, Recording(T, {n: Signal(v) for n, v in record.items()})), budget=400, seed=1)
+    (test,) = read_findings(answer.findings).residual_tests
+    said = " ".join(s["sentence"] for s in (*residual_sentences(answer.findings), *noise_sentences(answer.findings)))
+    assert (test.turned is not None) is bool(channel)
+    assert ("y moves against the simulation (correlation -" in said) is bool(channel)
+    assert ("the sign of y or of an input may be wrong there." in said) is bool(channel)
+    assert "a better model" not in said
+    if test.turned:
+        assert test.turned.begin == pytest.approx(100.0, abs=3.0)
