@@ -81,7 +81,7 @@ def test_two_states_follow_their_linear_part_exactly(hold):
     linear = problem_of(PENDULUM.replace("sin(a)", "a"), OWN, t=t, u=u, hold={"u": hold})
     assert errors(linear, truth, (1,))[0] < 1e-8  # samples are a third of an oscillation apart
     turning = errors(problem_of(PENDULUM, OWN, t=t, u=u, hold={"u": hold}), truth, (1, 4, 32))
-    assert turning[0] < 1e-4
+    assert turning[0] < 2e-3
     assert turning[2] < 1e-6
 
 
@@ -89,18 +89,55 @@ def test_two_states_follow_their_linear_part_exactly(hold):
 def test_the_pair_has_order_three(text):
     problem, z = problem_of(text, OWN), np.array([9.8, 0.2, 1.3])
     vector = problem.predictor.stepping().vector
-    (pair, _), p = pair_of(vector), tuple(float(dict(zip(problem.space.names, z, strict=True))[n]) for n in vector.parameters)
+    p = tuple(float(dict(zip(problem.space.names, z, strict=True))[n]) for n in vector.parameters)
 
-    def end(parts):
+    def end(step, parts):
         x = (0.3, 0.4)[: len(vector.states)]
         for _ in range(parts):
-            x = tuple(map(float, pair(tuple(x), 0.7, 1.0 / parts, p)[0]))
+            x = tuple(map(float, step(tuple(x), 0.7, 1.0 / parts, p)[0]))
         return np.array(x)
 
-    exact = end(512)
-    found = [np.max(np.abs(end(parts) - exact)) for parts in (4, 8, 16)]
-    for coarse, fine in pairwise(found):
-        assert 6.0 < coarse / fine < 11.0
+    # exponential functions, of an error that rational ones do not reach, and rational ones
+    for step, parts in zip(pair_of(vector, 1000), ((4, 8, 16), (16, 32, 64)), strict=True):
+        found = [np.max(np.abs(end(step, k) - end(step, 1024))) for k in parts]
+        for coarse, fine in pairwise(found):
+            assert 6.0 < coarse / fine < 11.0
+
+
+@pytest.mark.parametrize("text", ["x' = v\nv' = (k*u - x - a*v)/b\ny = x", "x' = (k*u - x - a*x^3)/b\ny = x"])
+def test_what_rounding_leaves_at_rest_asks_for_no_steps(text):
+    """Of 200 plants at rest, with time constants from 0.1 ms to 1000 s, all intervals are good in one step; moved by a tenth, few are."""
+    rng = np.random.default_rng(1)
+    problem = problem_of(text, {"k": (0.1, 1.5), "a": (0.1, 160.0), "b": (1e-3, 160.0)})
+    vector = problem.predictor.stepping().vector
+    at_once, n = pair_of(vector, 12)[1], len(vector.states)
+    good = []
+    for _ in range(200):
+        free = {"k": rng.uniform(0.1, 1.5), "a": 10 ** rng.uniform(-1, 2.2), "b": 10 ** rng.uniform(-3, 2.2)}
+        p, u = tuple(free[name] for name in vector.parameters), rng.uniform(10.0, 100.0)
+        x = (free["k"] * u, 0.0)[:n]
+        for _ in range(60):
+            x = tuple(map(float, at_once(x, u, 100.0, p)[0]))
+        good.append((bool(at_once(x, u, 0.1, p)[1]), bool(at_once((1.1 * x[0], *x[1:]), u, 0.1, p)[1])))
+    rest, moved = np.mean(good, axis=0)
+    assert rest == 1.0
+    assert moved < 0.7
+
+
+@pytest.mark.parametrize("count", [2, 6])
+def test_derivatives_run_in_native_loops_whatever_the_number_of_states(count, monkeypatch):
+    """As XLA's loops they took 10 s for an interval: all the trials that an interval may have are worked off there."""
+
+    def refused(*_, **__):
+        raise AssertionError("not native")
+
+    for place in ("plantfit.native.scan.scan_used", "plantfit.native.primitive._scan"):
+        monkeypatch.setattr(place, refused)
+    chain = [f"x{i}' = ({'u' if i == 0 else f'x{i - 1}'} - x{i} - a*x{i}^3)/b" for i in range(count)]
+    problem = problem_of("\n".join([*chain, f"y = x{count - 1}"]), {"a": (0.1, 2.0), "b": (0.1, 2.0)}, t=T[:20] * 6, u=U[:20])
+    costs, gradients = adaptively(problem, 4).values_and_gradients(np.random.default_rng(0).random((3, 2)))
+    assert np.all(np.isfinite(np.asarray(costs)))
+    assert np.all(np.isfinite(np.asarray(gradients)))
 
 
 def phi_of(z, k):

@@ -39,6 +39,7 @@ class Loop:
     steps: int
     reverse: bool
     ragged: bool  # whether a last operand tells how many of the steps are used
+    vectors: int  # of a block, at most
 
     def out_shapes(self) -> list[tuple[tuple[int, ...], np.dtype]]:
         """Of one lane: carry leaves, then ys with their leading axis of steps."""
@@ -67,7 +68,7 @@ def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flag
     def nodes(layout: Layout) -> tuple[int, int]:
         return count_nodes(program, [layout.over_lanes(p) for p in present])
 
-    layout = choose_layout(batch, present, [r for _, r in kinds], here.width, here.vectors, nodes, place, len(program.ys))
+    layout = choose_layout(batch, present, [r for _, r in kinds], here.width, loop.vectors, nodes, place, len(program.ys))
     varies = tuple((layout.over_groups(p), layout.over_lanes(p)) for p in present)
     shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, loop.ragged, varies)
     name = _registered(program, shape)

@@ -17,7 +17,7 @@ from plantfit.native.graph.values import LARGEST, Memory, Value, array_of, dtype
 from plantfit.native.passes.passes import run_passes
 from plantfit.native.primitive import Loop, loop_p, scan_used
 from plantfit.native.trace.jaxpr import Tracer, moves
-from plantfit.native.unsupported import NativeUnsupported
+from plantfit.native.unsupported import NativeUnsupported, StackExceeded
 
 # isort: split
 import jax
@@ -132,16 +132,25 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
         tuple(bool(a.shape) and moving for a in leaves),
         _kinds(avals, 0),
     )
-    _try(program)
+    vectors = _most_vectors(program)
     shapes = tuple((tuple(a.shape), np.dtype(a.dtype)) for a in (*leaves, *avals))
-    return Loop(program, jaxpr, shapes, len(consts), count, steps, reverse, ragged)
+    return Loop(program, jaxpr, shapes, len(consts), count, steps, reverse, ragged, vectors)
 
 
-def _try(program: Program) -> None:
-    """Emit the largest block, so that NativeUnsupported is raised while tracing and not while lowering."""
+def _most_vectors(program: Program) -> int:
+    """Of the largest block whose arrays fit into the stack. Blocks are emitted here, so that NativeUnsupported is raised while tracing
+    and not while lowering."""
     here = host()
     varies = [size <= LARGEST for _, size in program.constants] + [True] * (len(program.carry) + len(program.rows))
-    find_libm(make_kernel(program, Shape(here.width, here.vectors, False, False, False, tuple((v, v) for v in varies))).libm)
+    for vectors in range(here.vectors, 0, -1):
+        try:
+            find_libm(make_kernel(program, Shape(here.width, vectors, False, False, False, tuple((v, v) for v in varies))).libm)
+        except StackExceeded:
+            if vectors == 1:
+                raise
+        else:
+            return vectors
+    raise NativeUnsupported("a processor without vectors")
 
 
 def _kinds(values: Sequence[Any], skip: int) -> tuple[tuple[str, int], ...]:

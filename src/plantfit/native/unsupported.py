@@ -11,3 +11,7 @@ class NativeUnsupported(PlantfitError):
     def __init__(self, what: str):
         self.what = what
         super().__init__(f"Native loops cannot do {what!r}; run this loop with jax.lax.scan instead (native_scan(..., fallback=True)).")
+
+
+class StackExceeded(NativeUnsupported):
+    """The arrays of a loop are larger than the stack allows; those of a narrower block may fit."""

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes, literal
 from plantfit.native.emit.storage import Storage
 from plantfit.native.graph.nodes import Node
-from plantfit.native.unsupported import NativeUnsupported
+from plantfit.native.unsupported import StackExceeded
 
 STACK = 1 << 19  # bytes of arrays that one call may keep on the stack
 
@@ -101,9 +101,9 @@ class Emitter(FunctionText):
         return self._arrays[node]
 
     def reserve(self, dtype: str, size: int, flat: bool) -> Storage:
-        """New memory on the stack; raises NativeUnsupported when the arrays exceed STACK bytes."""
+        """New memory on the stack; raises StackExceeded when the arrays exceed STACK bytes."""
         count = size if flat else size * self.vectors * self.width
         self._stack += count * BYTES[dtype]
         if self._stack > STACK:
-            raise NativeUnsupported(f"arrays of {self._stack} bytes inside a loop")
+            raise StackExceeded(f"arrays of {self._stack} bytes inside a loop")
         return Storage(self.slot(MEMORY[dtype], count), dtype, size, flat)

@@ -37,7 +37,7 @@ import jax.numpy as jnp
 
 TOLERANCE = 0.1  # error of a step as a share of the state, at fineness 1
 FINEST = 1000  # 1e-10 of the state
-LEVELS, WIDTH = 3, 20  # at most 20^3 trials in an interval
+LEVELS, WIDTH = 4, 10  # at most 10^4 trials in an interval
 SHORT, LOST = 1e-15, 2.0  # of the interval: a step that is none, and where a state counts as done that has met a pole
 SOON = 0.01  # of the interval, for which a state that began at zero is taken to grow as it does now
 APART, STEEPEST = 0.01, 50.0  # eigenvalues of Z this far apart and up to this are taken by their exponentials
@@ -57,7 +57,7 @@ def tolerance(fineness: int) -> float:
 def adaptive(fineness: int) -> Switching:
     """A stepper (see `steppers`) that divides the interval it is given as the error of each part asks for.
 
-    States are NaN where an interval takes more than 8000 trials.
+    States are NaN where an interval takes more than 10 000 trials.
     """
     allowed = tolerance(fineness)
 
@@ -207,7 +207,8 @@ def _linear(
 ) -> tuple[Sequence[Any], Sequence[Any], Callable[[Sequence[Any]], list[Any]]]:
     """v = phi1(Z) f + phi2(Z) d, the error of what stands for the exponential there, and the function y -> 2 phi3(Z) y.
 
-    By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times that error is above `limits`.
+    By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times that error is above
+    `limits`.
     """
     moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
     if len(f) > 2:
