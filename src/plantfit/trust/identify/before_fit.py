@@ -13,10 +13,6 @@ from plantfit.problem.evaluate.points import residuals_and_jacobian, shared
 from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import few_samples
-from plantfit.trust.intervals.linearised import named_blocks
-from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
-from plantfit.trust.validate.spare_samples import spare_of
-from plantfit.trust.verdict.fit import SPARE
 from plantfit.trust.verdict.words import some
 
 POINTS = 8  # of the box
@@ -123,6 +119,11 @@ def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[
     few = [o for o in few_samples(problem) if problem.scale_sources[o] != GIVEN]
     if not few:
         return {}, 0, ()
+    # a check loads no scipy where nothing needs it
+    from plantfit.trust.intervals.linearised import named_blocks
+    from plantfit.trust.validate.spare_samples import spare_of
+    from plantfit.trust.verdict.fit import SPARE
+
     named = named_blocks(own)
     at = np.random.default_rng(key).uniform(0.02, 0.98, (points, problem.space.dimension))
     found = [j for z in at if np.all(np.isfinite(j := np.asarray(residuals_and_jacobian(own, z)[1])))]
@@ -143,7 +144,11 @@ def _too_few(problem: Problem) -> int:
     """The fitted samples where a fit with errors that are correlated in time will say that they are too few; else 0."""
     fitted, d = sum(problem.parts.counts.values()), problem.space.dimension
     known = fitted <= d and all(source == GIVEN for source in problem.scale_sources.values())
-    return fitted if problem.robust and problem.in_time and fitted < d + LEAST_FREE and not known else 0
+    if not problem.robust or not problem.in_time or known or fitted >= 10 * (d + 1):
+        return 0
+    from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
+
+    return fitted if fitted < d + LEAST_FREE else 0
 
 
 def _spread(problem: Problem, output: str) -> float:
