@@ -53,6 +53,6 @@ class ResidualTest(Record):
     shared: str | None = None
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}
+    """By input."""
     stretch: Stretch | None = None
     turned: Turned | None = None
-    """By input."""

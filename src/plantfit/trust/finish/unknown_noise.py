@@ -5,6 +5,7 @@ import numpy as np
 from plantfit.problem.measure.scale_source import ScaleSource
 from plantfit.problem.problem import Problem
 
+LEAST_FREE = 8.0  # independent samples beyond the parameters, below which intervals are too short
 NOTHING = 1e9  # spreads of an output that count as 1: its samples say nothing
 FEW = "few samples"
 

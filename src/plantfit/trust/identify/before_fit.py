@@ -12,7 +12,7 @@ from plantfit.errors import PlantfitError
 from plantfit.problem.evaluate.points import residuals_and_jacobian, shared
 from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
-from plantfit.trust.finish.unknown_noise import few_samples
+from plantfit.trust.finish.unknown_noise import LEAST_FREE, few_samples
 from plantfit.trust.verdict.words import some
 
 POINTS = 8  # of the box
@@ -144,11 +144,7 @@ def _too_few(problem: Problem) -> int:
     """The fitted samples where a fit with errors that are correlated in time will say that they are too few; else 0."""
     fitted, d = sum(problem.parts.counts.values()), problem.space.dimension
     known = fitted <= d and all(source == GIVEN for source in problem.scale_sources.values())
-    if not problem.robust or not problem.in_time or known or fitted >= 10 * (d + 1):
-        return 0
-    from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
-
-    return fitted if fitted < d + LEAST_FREE else 0
+    return fitted if problem.robust and problem.in_time and fitted < d + LEAST_FREE and not known else 0
 
 
 def _spread(problem: Problem, output: str) -> float:

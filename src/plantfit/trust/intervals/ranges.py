@@ -11,6 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.long_run import first_correlation, most_memory, unbiased
 from plantfit.problem.problem import Problem
+from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.intervals.at_limits import limit_factors
 from plantfit.trust.intervals.covariance import Block, begun, known_variance, own_student, rounding, sandwich
 
@@ -18,7 +19,7 @@ FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
 MOST = 60  # coordinates up to which ranges are made; their number enters to the fourth power
 LEVEL = 0.95
-SLOW, FEW = 0.99, 8.0  # correlation above, and independent samples more than parameters below, intervals are too short
+SLOW = 0.99  # correlation from which on intervals are too short
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MANY = 1e6  # degrees of freedom of a variance that is known
 HALVINGS = 40
@@ -119,7 +120,7 @@ def linear_problem(
     own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
     spread = own + begun(j, bread, variance, begins)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
-    sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= FEW))
+    sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
     quantile = float(stdtrit(MANY if known else max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
     inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)

@@ -383,7 +383,7 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
         text += f" In {_names(left)} it depends on an input: the model's response to it is incomplete." if left else ""
         for r in odd[:FEW]:
             text += f" In {r['recording']} {_odd(r, named)}."
-        text += f" So are {len(odd) - FEW} more odd." if len(odd) > FEW else ""
+        text += f" {len(odd) - FEW} more recordings have such a part." if len(odd) > FEW else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from plantfit.trust.intervals.ranges import FEW as LEAST_FREE
+from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.verdict.fit import failing, lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
