@@ -10,6 +10,7 @@ from findings_example import example
 
 from plantfit.findings import History, Parameter, read_findings
 from plantfit.report import figures
+from plantfit.report.figures import style
 from plantfit.report.figures.convergence import cost_at
 from plantfit.report.figures.parameters import position
 
@@ -58,6 +59,17 @@ def test_residual_is_measured_minus_simulated(record):
     measured, simulated, residual = (np.array(line["y"], dtype=float) for line in data[:3])
     assert np.allclose(residual, measured - simulated, atol=2e-3, equal_nan=True)
     assert np.isnan(residual).sum() == 10
+
+
+@pytest.mark.parametrize(("every", "drawn"), [(1, "lines"), (2, "markers"), (10, "markers")])
+def test_samples_that_stand_alone_are_drawn_as_points(every, drawn):
+    """A line between two missing samples is nothing: an output measured at every tenth row was not to be seen."""
+    values = np.full(4000, np.nan)
+    values[::every] = 1.0
+    assert style.dots(values, "red").get("mode", "lines") == drawn
+    assert style.dots(np.r_[values, np.ones(4000)], "red").get("mode", "lines") == "lines"  # most have a neighbour
+    assert style.dots(values[: 100 * every], "red", few=100)["mode"] == "markers"
+    assert style.dots(np.full(5, np.nan), "red") == {}
 
 
 def test_all_time_axes_are_linked_and_panels_do_not_overlap(record):

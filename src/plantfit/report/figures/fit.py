@@ -33,10 +33,10 @@ def fit_figure(recording: Recording, points: int) -> Figure:
     for name, output in recording.outputs.items():
         measured, simulated = array(output.measured), array(output.simulated)
         first = panel == 0
-        look = {"mode": "markers", "marker": {"size": 5, "color": style.MEASURED}} if len(t) <= MARKERS_UP_TO else {}
+        look, residual = style.dots(measured, style.MEASURED, MARKERS_UP_TO), measured - simulated
         data.append(_line("measured", t, measured, panel, points, style.MEASURED, 2.8, showlegend=first, legendgroup="m", **look))
         data.append(_line("simulated", t, simulated, panel, points, style.SIMULATED, 1.4, showlegend=first, legendgroup="s"))
-        data.append(_line("residual", t, measured - simulated, panel + 1, points, style.RESIDUAL, 1))
+        data.append(_line("residual", t, residual, panel + 1, points, style.RESIDUAL, 1, **style.dots(residual, style.RESIDUAL)))
         shapes += _zones(t, output, panel, labelled=True) + _zones(t, output, panel + 1, labelled=False)
         notes.append(style.heading(with_unit(name, output.unit), 0, domains[panel][1]))
         notes.append(style.heading(with_unit(f"residual of {name}", output.unit), 0, domains[panel + 1][1], font=style.SMALL))

@@ -71,6 +71,15 @@ def plain(text: str) -> str:
     return html.escape(text, quote=False).replace("%{", "%\u200b{")
 
 
+def dots(values: np.ndarray, colour: str, few: int = 0) -> dict[str, Any]:
+    """What draws a trace (n,) as points where it has at most `few` samples, or where a line would not show most of them, as each stands
+    alone between missing ones; else nothing."""
+    there = np.isfinite(values)
+    beside = np.r_[False, there[:-1]] | np.r_[there[1:], False]
+    alone = np.sum(there & ~beside) > 0.5 * np.sum(there)
+    return {"mode": "markers", "marker": {"size": 5, "color": colour}} if alone or 0 < np.sum(there) <= few else {}
+
+
 def numbers(values: np.ndarray, digits: int = 6) -> list[float | None]:
     """Values (n,) for JSON: rounded to keep the file small, None for what is not finite."""
     return [float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in values]

@@ -25,8 +25,7 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     tops = [total - sum(heights[:k]) - GAP * k for k in range(len(heights))]
     domains = [[max(0.0, (top - height) / total), top / total] for top, height in zip(tops, heights, strict=True)]
     layout = style.layout(total + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
-    few = len(t) <= MARKERS_UP_TO
-    look = {"mode": "markers", "marker": {"size": 5, "color": style.MEASURED}} if few else {}
+    look = style.dots(measured, style.MEASURED, MARKERS_UP_TO)
     data = [_line("measured", t, measured, 0, points, style.MEASURED, 2.6, showlegend=True, **look)]
     notes = [style.heading(with_unit(drawn.output, drawn.unit), 0, domains[0][1])]
     errors = [np.abs(measured - y) for y in simulated.values()]
@@ -35,7 +34,7 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     for k, (name, y) in enumerate(simulated.items()):
         colour = style.SERIES[k % len(style.SERIES)]
         data.append(_line(name, t, y, 0, points, colour, 1.4, showlegend=True))
-        data.append(_line(f"residual of {name}", t, measured - y, k + 1, points, colour, 1))
+        data.append(_line(f"residual of {name}", t, measured - y, k + 1, points, colour, 1, **style.dots(measured - y, colour)))
         text = with_unit(f"residual of {name}", drawn.unit)
         notes.append(style.heading(text, 0, domains[k + 1][1], font=style.SMALL))
         layout[f"yaxis{k + 2}"] = style.axis(
