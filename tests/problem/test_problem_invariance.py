@@ -1,11 +1,14 @@
 """Fitted parameters do not depend on clocks, units, the order of recordings or the weight of a single output."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from problem_motors import line, line_recording
 from scipy.optimize import least_squares
 
 import plantfit.runtime  # noqa: F401
+from plantfit.errors import SpaceError
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.space import Parameter
@@ -74,7 +77,10 @@ def test_holding_and_tying_parameters():
     held = fitted(Problem(line(), recording, {"b": 0.25}))
     assert set(held) == {"a"}
     assert held["a"] == pytest.approx(recording["u"] @ (recording["y"] - 0.25) / (recording["u"] @ recording["u"]), rel=1e-8)
-    tied = fitted(Problem(line(), recording, {"b": Parameter(tied="a")}))
+    with pytest.raises(SpaceError, match="whose number it would take as it is"):
+        Problem(line(), recording, {"b": Parameter(tied="a")})  # rad/s and rad/s/V
+    one_unit = replace(line(), parameters=tuple(replace(p, unit=None) for p in line().parameters))
+    tied = fitted(Problem(one_unit, recording, {"b": Parameter(tied="a")}))
     v = recording["u"] + 1.0
     assert tied["a"] == pytest.approx(v @ recording["y"] / (v @ v), rel=1e-8)
 

@@ -148,7 +148,7 @@ def test_determined_parameters_of_a_model_that_fails_are_its_own(count, ratio, f
     (told,) = parameter_sentences({**misses([ratio] * count, foretold), "parameters": [row]})
     assert told["sentence"].startswith("The data determine 1 of 1 parameters: R = 2.00 ± 0.10 ohm.")
     assert ("does not hold for unseen samples of y: these are its values" in told["sentence"]) is said
-    assert ("More than noise is left of y" in told["sentence"]) is not said  # what is left is a sine
+    assert ("if the model lacks something" in told["sentence"]) is not said  # what is left is a sine
     assert told["level"] == ("warning" if said else "info")
 
 
@@ -175,6 +175,6 @@ def test_determined_parameters_of_a_model_that_lacks_something_are_its_own(left,
     found["residual_tests"][0].update(more)
     row = {"name": "R", "unit": "ohm", "value": 2.0, "standard_error": 0.1, "status": "determined", "low": 1.8, "high": 2.2}
     (told,) = parameter_sentences({**found, "diagnosis": diagnosis, "parameters": [row]})
-    text = "More than noise is left of y: these are the model's values, and the plant's may be others, by more than ± tells."
+    text = "The residuals of y are not white: if the model lacks something, the plant's values may be others, by more than ± tells."
     assert told["sentence"].endswith(text) is said
     assert told["level"] == ("info" if said else "good")

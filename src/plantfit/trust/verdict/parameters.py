@@ -62,7 +62,7 @@ def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: 
     if fails:
         text += f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the plant's may be others."
     elif lacks and not denied:
-        text += f" More than noise is left of {some(list(lacks))}: these are the model's values, and the plant's may be others, "
+        text += f" The residuals of {some(list(lacks))} are not white: if the model lacks something, the plant's values may be others, "
         text += "by more than ± tells."
     yield say("warning" if denied or fails else "good" if len(good) == total and not lacks else "info", text, determined=len(good))
 
