@@ -61,8 +61,11 @@ def started(code, tmp_path, command="methods"):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     assert process.stdout is not None
-    while "computing" not in (line := process.stdout.readline()):
-        assert line or process.poll() is None, process.communicate()
+    line = b""
+    while b"computing" not in line or not line.endswith(b"\n"):  # byte by byte: what a buffer took, `communicate` would not see
+        byte = os.read(process.stdout.fileno(), 1)
+        assert byte, process.communicate()
+        line += byte
     return process
 
 

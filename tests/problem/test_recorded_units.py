@@ -17,7 +17,7 @@ def recording(u, y="degC", name="r"):
     return pf.Recording(T, {"u": pf.Signal(np.sign(np.sin(T)), u), "y": pf.Signal(0.1 * T, y)}, name)
 
 
-def problem(recordings, k=None, tau="s", **changes):
+def problem(recordings, k: str | None = None, tau: str | None = "s", **changes):
     model = pf.equations("x' = (k*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters={"k": k, "tau": tau})
     return pf.Problem(model, recordings, {"k": (0.0, 1.0), "tau": (1.0, 10.0), **changes})
 
