@@ -194,7 +194,7 @@ def drift(f, x, u0, u1) -> np.ndarray:
 
 
 def exponential(f, x, u0, u1, h):
-    """The formula in the docstring of `steppers.exponential`, with numpy's dense solver."""
+    """The formula in the docstring of `exponential.exponential`, with numpy's dense solver."""
     z, eye = h * jacobian(f, x, u0), np.eye(len(x))
     d = drift(f, x, u0, u1)
     return x + h * np.linalg.solve(eye - 2 / 3 * z + z @ z / 6, f(x, u0) + d / 2 - z @ (f(x, u0) + d) / 6)

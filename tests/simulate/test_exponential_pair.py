@@ -1,4 +1,6 @@
-"""The exponential step of two states, which has a closed form, against numpy and against the general form."""
+"""The exponential step of two states, which has a closed form, against numpy, fractions and the general form."""
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -6,8 +8,7 @@ import pytest
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.models.parts.tables import Table, lookup, shared_lookups
-from plantfit.simulate.steps import steppers
-from plantfit.simulate.steps.steppers import exponential
+from plantfit.simulate.steps.exponential import exponential, mean_rates
 from plantfit.simulate.steps.vector import vectorise
 
 import jax
@@ -32,11 +33,59 @@ def test_it_solves_the_equation(name, d):
     matrix = np.eye(2) - 2 / 3 * z + z @ z / 6
     wanted = np.linalg.solve(matrix, f + np.array(d) / 2 - z @ (f + d) / 6)
     rows = [[float(a) for a in row] for row in z]  # zeros stay Python floats, as the pattern of a model leaves them
-    found = steppers._rational_pair([[a and jnp.asarray(a) for a in row] for row in rows], [*map(jnp.asarray, f)], d)
+    found = mean_rates([[a and jnp.asarray(a) for a in row] for row in rows], [*map(jnp.asarray, f)], d)
     condition = np.linalg.cond(matrix)
     np.testing.assert_allclose(found, wanted, rtol=1e-14 * max(10.0, condition))
     residual = matrix @ np.asarray(found) - (f + np.array(d) / 2 - z @ (f + d) / 6)
     assert np.max(np.abs(residual)) < 1e-14 * np.max(np.abs(matrix)) * max(1.0, np.max(np.abs(found)))
+
+
+def exact_slopes(z, f, d, w):
+    """w.dv by every entry of Z, f and d, of M v = f + d/2 - Z (f + d)/6, in fractions: -w^T M^-1 (dM v - dr)."""
+    n, part = len(f), Fraction
+    z, f, d, w = [[part(a) for a in row] for row in z], *([part(a) for a in row] for row in (f, d, w))
+    times = lambda m, y: [sum(a * b for a, b in zip(row, y, strict=True)) for row in m]  # noqa: E731
+    square = [[sum(z[i][k] * z[k][j] for k in range(n)) for j in range(n)] for i in range(n)]
+    matrix = [[(i == j) - part(2, 3) * z[i][j] + square[i][j] / 6 for j in range(n)] for i in range(n)]
+    moved = [a + b for a, b in zip(f, d, strict=True)]
+    v = solved(matrix, [a + b / 2 - c / 6 for a, b, c in zip(f, d, times(z, moved), strict=True)])
+    adjoint = solved([list(column) for column in zip(*matrix, strict=True)], w)
+    zv, zw = times(z, v), times([list(column) for column in zip(*z, strict=True)], adjoint)
+    by_z = [[a * (part(2, 3) * v[j] - (zv[j] + moved[j]) / 6) - b * v[j] / 6 for j in range(n)] for a, b in zip(adjoint, zw, strict=True)]
+    by_f = [a - b / 6 for a, b in zip(adjoint, zw, strict=True)]
+    by_d = [a / 2 - b / 6 for a, b in zip(adjoint, zw, strict=True)]
+    return [np.array(a, dtype=float) for a in (by_z, by_f, by_d)]
+
+
+def solved(matrix, right):
+    """Elimination in fractions."""
+    rows = [[*row, b] for row, b in zip(matrix, right, strict=True)]
+    for c in range(len(rows)):
+        pivot = max(range(c, len(rows)), key=lambda r: abs(rows[r][c]))
+        rows[c], rows[pivot] = rows[pivot], rows[c]
+        rows[c] = [a / rows[c][c] for a in rows[c]]
+        rows = [row if r == c else [a - row[c] * b for a, b in zip(row, rows[c], strict=True)] for r, row in enumerate(rows)]
+    return [row[-1] for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("n", "stiffness", "bar"), [(1, 1e8, 1e-14), (2, 1.0, 1e-14), (2, 1e3, 1e-12), (2, 1e6, 1e-9), (3, 1.0, 1e-13), (3, 1e3, 1e-10)]
+)
+def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar):
+    """Against fractions: forwards and backwards, by Z, the rates and their change, of eigenvectors that lie anywhere."""
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        turned = np.linalg.qr(rng.normal(size=(n, n)))[0]
+        z = turned @ np.diag(-np.r_[stiffness, rng.uniform(0.1, 1.0, n - 1)]) @ turned.T + 0.1 * rng.normal(size=(n, n))
+        f, d, w = rng.normal(size=(3, n))
+        wanted = exact_slopes(z, f, d, w)
+
+        def weighed(z, f, d, w=w):
+            return sum(a * b for a, b in zip(w, mean_rates([[*row] for row in z], [*f], [*d]), strict=True))
+
+        for of in (jax.grad, jax.jacfwd):
+            for found, one in zip(of(weighed, argnums=(0, 1, 2))(z, f, d), wanted, strict=True):
+                assert np.max(np.abs(found - one)) < bar * np.max(np.abs(one))
 
 
 def test_steps_and_slopes_equal_those_of_three_states_with_an_idle_one():
@@ -49,7 +98,7 @@ def test_steps_and_slopes_equal_those_of_three_states_with_an_idle_one():
         return (*rate(x, u, p), -1.0 * x[2])
 
     def step(rate, x, p):
-        return steppers.exponential(rate, x, (1.0,), (1.5,), 0.05, p, True)
+        return exponential(rate, x, (1.0,), (1.5,), 0.05, p, True)
 
     x, p = (0.3, -0.2), 1.7
     for k in range(2):

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from simulate_events_plants import plant
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.steps.steppers import exponential
+from plantfit.simulate.steps.exponential import exponential
 
 import jax
 import jax.numpy as jnp

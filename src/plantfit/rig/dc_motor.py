@@ -15,7 +15,8 @@ from plantfit.native import native_scan
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.encoder import capture
 from plantfit.rig.run import RigRun
-from plantfit.simulate.steps.steppers import exponential, rk4
+from plantfit.simulate.steps.exponential import exponential
+from plantfit.simulate.steps.steppers import rk4
 from plantfit.simulate.steps.vector import VectorModel, vectorise
 
 import jax

@@ -67,7 +67,7 @@ def lookup(values: Any, nodes: Nodes, x: Any) -> Any:
     """
     known = _KNOWN.get()
     if known is not None and known.slopes:
-        return _shared(_line, values, tuple(nodes), x)
+        return _shared(_value_and_slope, values, tuple(nodes), x)[0]
     return _interpolated(_checked(values, (len(nodes),)), tuple(nodes), x)
 
 
@@ -97,31 +97,37 @@ def _floats(a: Any) -> Any:
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _line(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
-    """Eq. (1) of `lookup`."""
-    return _interpolated(values, nodes, x)
+def _value_and_slope(values: Any, nodes: tuple[float, ...], x: Any) -> tuple[Any, Any]:
+    """Eq. (1) and (2) of `lookup`."""
+    ends, (_, weight) = _ends(values, nodes, x)
+    return _between(*ends, weight), _density(nodes, x) * (ends[1] - ends[0])
+
+
+@partial(_value_and_slope.defjvp, symbolic_zeros=True)
+def _value_and_slope_moved(nodes: tuple[float, ...], primals: Any, tangents: Any) -> Any:
+    # what is looked up once is pulled back once, and both by one difference of the ends
+    (values, x), (along_values, along_x) = primals, tangents
+    found = y, slope = _shared(_value_and_slope, values, nodes, x)
+    moved_y, moved_slope = jnp.zeros_like(y), jnp.zeros_like(slope)
+    if not still(along_values):
+        (low, high), (_, weight) = _ends(along_values, nodes, x)
+        rise = high - low
+        moved_y, moved_slope = low + weight * rise, _density(nodes, x) * rise
+    if not still(along_x):
+        moved_y = slope * along_x if still(along_values) else slope * along_x + moved_y
+    return found, (moved_y, moved_slope)
 
 
 def _interpolated(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
-    index, weight = _cell(nodes, x)
-    ends = _corners(values, index)
-    return _between(ends[..., 0], ends[..., 1], weight)
+    ends, (_, weight) = _ends(values, nodes, x)
+    return _between(*ends, weight)
 
 
-def _slope(values: Any, nodes: tuple[float, ...], x: Any) -> Any:
-    """Eq. (2) of `lookup`."""
-    ends = _corners(values, _cell(nodes, x)[0])
-    return _density(nodes, x) * (ends[..., 1] - ends[..., 0])
-
-
-@partial(_line.defjvp, symbolic_zeros=True)
-def _line_moved(nodes: tuple[float, ...], primals: Any, tangents: Any) -> Any:
-    # what is looked up once is pulled back once
-    (values, x), (along_values, along_x) = primals, tangents
-    moved = [] if still(along_x) else [_shared(_slope, values, nodes, x) * along_x]
-    moved += [] if still(along_values) else [_interpolated(along_values, nodes, x)]
-    y = _shared(_line, values, nodes, x)
-    return y, sum(moved[1:], moved[0]) if moved else jnp.zeros_like(y)
+def _ends(values: Any, nodes: tuple[float, ...], x: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """The values at both ends of the cell that x lies in, and that cell as `_cell` gives it."""
+    cell = _cell(nodes, x)
+    ends = _corners(values, cell[0])
+    return (ends[..., 0], ends[..., 1]), cell
 
 
 def _between(left: Any, right: Any, weight: Any) -> Any:

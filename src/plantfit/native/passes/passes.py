@@ -1,5 +1,5 @@
-"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add, and
-reads of step data moved to the branch that needs them.
+"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add, signs
+taken by what uses them, and reads of step data moved to the branch that needs them.
 
 Contraction is decided here and not by LLVM, so that a lane gives the same bits in every batch.
 """
@@ -21,6 +21,9 @@ def run_passes(regions: Sequence[Region], *, contract: bool) -> None:
     if contract:
         _eliminate_dead_code(regions)
         _contract(regions)
+    for top in regions:
+        for region in all_regions(top):
+            _sink_signs(region)
     _eliminate_dead_code(regions)
     for top in regions:
         _sink_rows(top)
@@ -107,3 +110,38 @@ def _contract_one(node: Node, uses: Counter[int]) -> None:
         node.op, node.args, node.data = "fma", (*right.args, left), (minus, False)
     elif left.op == "mul" and uses[id(left)] == 1:
         node.op, node.args, node.data = "fma", (*left.args, right), (False, minus)
+
+
+def _sink_signs(region: Region) -> None:
+    """A change of sign goes through products to the sums that take it for nothing; results keep their bits."""
+    code: list[Node] = []
+    for node in region.code:
+        if node.dtype == F64 and node.op in ("mul", "fma", "add", "sub"):
+            code.extend(_without_signs(node))
+        code.append(node)
+    region.code = code
+
+
+def _without_signs(node: Node) -> list[Node]:
+    """Change a node so that it takes the signs of what it is made of; what has to stand ahead of it."""
+    minus = [a.op == "neg" for a in node.args]
+    if not any(minus):
+        return []
+    bare = tuple(a.args[0] if m else a for a, m in zip(node.args, minus, strict=True))
+    if node.op == "fma":
+        of_product, of_sum = node.data
+        node.args, node.data = bare, (of_product ^ minus[0] ^ minus[1], of_sum ^ minus[2])
+    elif node.op == "mul":
+        node.args = bare
+        if minus[0] != minus[1]:
+            product = Node("mul", bare, F64, None, None, node.depth)
+            node.op, node.args = "neg", (product,)
+            return [product]
+    elif minus[1]:
+        if not minus[0]:
+            node.op, node.args = "sub" if node.op == "add" else "add", bare
+        elif node.op == "sub":  # -a + b
+            node.op, node.args = "sub", bare[::-1]
+    elif node.op == "add":
+        node.op, node.args = "sub", bare[::-1]
+    return []

@@ -1,7 +1,7 @@
 """Steps as long as their error allows, each candidate with its own: for sharp friction and stiff corners of a box.
 
 One step is the third-order exponential Rosenbrock pair exprb32 (M. Hochbruck, A. Ostermann, J. Schweitzer, SIAM J. Numer. Anal. 47
-(2009) 786). Rational functions stand in place of its functions of Z, all with the denominator of `steppers.exponential`,
+(2009) 786). Rational functions stand in place of its functions of Z, all with the denominator of `exponential.exponential`,
 
     x1 = x + h v                                        (order 2)
     x2 = x1 + 2 h phi3(Z) dN,  dN = f(x1) - f(x) - Z v - d,   2 phi3(Z) = (1 - 5/12 Z)/(3 (1 - 2/3 Z + Z^2/6)),           (1)
@@ -12,7 +12,7 @@ has had in this interval: a state that has died away asks for nothing, and neith
 A state that begins at zero grows as a power of time, so that its error is the same share of it however short a step is: it counts as large
 as it would be after a hundredth of the interval at its rate.
 
-Most intervals are good in one such step, which costs twice that of `steppers.exponential` (`_at_once`). Where it is not, and the linear
+Most intervals are good in one such step, which costs twice that of `exponential.exponential` (`_at_once`). Where it is not, and the linear
 part is to blame, one and two states have functions of Z that are exact, as their eigenvalues are known in closed form: between the
 moments at which friction turns round, a motor takes one step. Only then is the interval divided (`_divided`).
 

@@ -44,7 +44,7 @@ class Rates:
 
 
 def exponential(rates: Rates, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, h: np.ndarray, p: Any) -> np.ndarray:
-    """States (B, n) after steps of h (B,) s, as `steppers.exponential`."""
+    """States (B, n) after steps of h (B,) s, as `exponential.exponential`."""
     f, jacobian, d = rates.linear(x, u0, u1 - u0, p)
     z = h[:, None, None] * jacobian
     right = f + 0.5 * d - _times(z, f + d) / 6.0

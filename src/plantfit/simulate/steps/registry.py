@@ -1,5 +1,5 @@
-"""The steppers by name. A new one is a function in `steppers.py` and a row here: study files, checks and meshes read this table, and so do
-the tests of order, derivatives and events.
+"""The steppers by name. A new one is a function as in `steppers.py` or `exponential.py`, and a row here: study files, checks and meshes
+read this table, and so do the tests of order, derivatives and events.
 
 A stepper that has to know its model has no `place`, as EXACT, or whose step chooses its own length, as ADAPTIVE. `simulate/simulator.py`
 makes its step and refuses models that it cannot follow; `simulate/loop/held_plant.py` does so for closed loops. It needs tests of its own.
@@ -39,7 +39,7 @@ class Stepper:
 
 
 STEPPERS = {
-    "exponential": Stepper("steppers.exponential", 2, "array_steppers.exponential"),
+    "exponential": Stepper("exponential.exponential", 2, "array_steppers.exponential"),
     "rosenbrock": Stepper("steppers.rosenbrock", 2, "array_steppers.rosenbrock"),
     "rk4": Stepper("steppers.rk4", 4, "array_steppers.rk4"),
     EXACT: Stepper(None, 4),  # any order: halving changes nothing

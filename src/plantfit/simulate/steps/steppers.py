@@ -44,57 +44,6 @@ def rosenbrock(
     return tuple(a + h * (1.5 * b + 0.5 * c) for a, b, c in zip(x, k1, k2, strict=True))
 
 
-def exponential(
-    rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None
-) -> Scalars:
-    """Exponential Rosenbrock-Euler step with a rational exponential; one evaluation, L-stable.
-
-    Order 2, and 3 where the rate is linear: x1 = x + (R(Z) - I) J^-1 f with Z = h J and the Pade approximant
-    R(z) = (1 + z/3) / (1 - 2z/3 + z^2/6) of exp z, the stability function of Radau IIA. Hochbruck, Ostermann and
-    Schweitzer, SIAM J. Numer. Anal. 47 (2009) 786, eq. (2.4), with this R; inputs that change by d = (df/du) (u1 - u0)
-    enter as the last column of the Jacobian of the augmented system:
-        (I - 2/3 Z + 1/6 Z^2) v = f + d/2 - Z (f + d) / 6,  x1 = x + h v.
-    """
-    n = len(x)
-    f, jacobian = jacobian_of(rate, x, u0, p, pattern)
-    z = [[times(h, a) for a in row] for row in jacobian]
-    d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * n
-    v = (_rational_pair if n == 2 else _rational)(z, f, d)
-    return tuple(a + h * b for a, b in zip(x, v, strict=True))
-
-
-def _rational(z, f, d):
-    """v = (I - 2/3 Z + 1/6 Z^2)^-1 (f + d/2 - Z (f + d) / 6)."""
-    n = len(f)
-    moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
-    right = [plus(plus(a, times(0.5, b)), times(-1.0 / 6.0, dot(row, moved))) for a, b, row in zip(f, d, z, strict=True)]
-    square = [[dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
-    matrix = [
-        [plus(1.0 if i == j else 0.0, plus(times(-2.0 / 3.0, z[i][j]), times(1.0 / 6.0, square[i][j]))) for j in range(n)] for i in range(n)
-    ]
-    return factored(matrix)(right)
-
-
-def _rational_pair(z, f, d):
-    """`_rational` for two states. Z^2 = tr(Z) Z - det(Z) I, so the matrix is a I + b Z and its inverse ((a + b tr) I - b Z)/e;
-    what it makes of c y - Z y / 6 is a sum of y and Z y."""
-    trace = plus(z[0][0], z[1][1])
-    det = plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0])))
-    a, b = plus(1.0, times(-1.0 / 6.0, det)), plus(-2.0 / 3.0, times(1.0 / 6.0, trace))
-    # e = a^2 + a b tr + b^2 det, without the terms that cancel
-    inverse = 1.0 / plus(times(a, a), times(b, plus(trace, times(-2.0 / 3.0, det))))
-    a, b = a * inverse, b * inverse
-
-    def solved(c, y):
-        if all(map(_zero, y)):
-            return [0.0, 0.0]
-        own = plus(times(c, a), times(b, plus(times(c, trace), times(-1.0 / 6.0, det))))
-        turned = plus(times(c, b), times(1.0 / 6.0, a))
-        return [plus(times(own, r), times(-1.0, times(turned, dot(row, y)))) for row, r in zip(z, y, strict=True)]
-
-    return [plus(s, t) for s, t in zip(solved(1.0, f), solved(0.5, d), strict=True)]
-
-
 def jacobian_of(rate: Rate, x: Scalars, u: Scalars, p: Scalars, pattern: Pattern | None) -> tuple[Scalars, Matrix]:
     """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
     n = len(x)
