@@ -8,7 +8,7 @@ import pytest
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Model
 from plantfit.models.parts.tables import Table, lookup, shared_lookups
-from plantfit.simulate.steps.exponential import exponential, mean_rates
+from plantfit.simulate.steps.exponential import exponential, solution
 from plantfit.simulate.steps.vector import vectorise
 
 import jax
@@ -33,7 +33,7 @@ def test_it_solves_the_equation(name, d):
     matrix = np.eye(2) - 2 / 3 * z + z @ z / 6
     wanted = np.linalg.solve(matrix, f + np.array(d) / 2 - z @ (f + d) / 6)
     rows = [[float(a) for a in row] for row in z]  # zeros stay Python floats, as the pattern of a model leaves them
-    found = mean_rates([[a and jnp.asarray(a) for a in row] for row in rows], [*map(jnp.asarray, f)], d)
+    found = solution([[a and jnp.asarray(a) for a in row] for row in rows], (1.0, 1.0, [*map(jnp.asarray, f)]), (0.5, 1.0, d))
     condition = np.linalg.cond(matrix)
     np.testing.assert_allclose(found, wanted, rtol=1e-14 * max(10.0, condition))
     residual = matrix @ np.asarray(found) - (f + np.array(d) / 2 - z @ (f + d) / 6)
@@ -81,7 +81,7 @@ def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar
         wanted = exact_slopes(z, f, d, w)
 
         def weighed(z, f, d, w=w):
-            return sum(a * b for a, b in zip(w, mean_rates([[*row] for row in z], [*f], [*d]), strict=True))
+            return sum(a * b for a, b in zip(w, solution([[*row] for row in z], (1.0, 1.0, [*f]), (0.5, 1.0, [*d])), strict=True))
 
         for of in (jax.grad, jax.jacfwd):
             for found, one in zip(of(weighed, argnums=(0, 1, 2))(z, f, d), wanted, strict=True):

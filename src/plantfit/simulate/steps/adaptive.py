@@ -29,7 +29,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.steps.steppers import Matrix, dot, drift_of, factored, jacobian_of, plus, times
+from plantfit.simulate.steps.exponential import solution
+from plantfit.simulate.steps.steppers import Matrix, dot, drift_of, jacobian_of, plus, times
 from plantfit.simulate.steps.switching.switched import Switching
 
 import jax
@@ -107,9 +108,9 @@ def _at_once(rate, x, u0, u1, h, p, varying, pattern, allowed) -> tuple[tuple[An
     """The states after an interval in one step by rational functions, and whether that is good, judged in few words: `_trial` may find
     good what is refused here."""
     z, _, linear, more, later = _stages(rate, x, u0, u1, h, p, varying, pattern, None)
-    good, per = jnp.ones((), dtype=bool), 1.0 / jnp.maximum(h, 1e-300)
+    good = jnp.ones((), dtype=bool)
     for a, row, c, e in zip(x, z, more, linear, strict=True):
-        good &= _size(plus(c, e)) <= (WHOLE * allowed * per) * _size(a) + (NOISE * per) * _size(dot(row, x))
+        good &= _size(h * plus(c, e)) <= WHOLE * allowed * _size(a) + NOISE * _size(dot(row, x))
     return later, good
 
 
@@ -197,9 +198,21 @@ def _stages(rate, x, u0, u1, h, p, varying, pattern, limits: Callable[[Matrix], 
     d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * len(x)
     v, linear, second = _linear(z, f, d, h, None if limits is None else limits(z))
     first = tuple(a + h * b for a, b in zip(x, v, strict=True))
-    after = rate(first, u1, p)
-    more = second([a - b - plus(dot(row, v), c) for a, b, c, row in zip(after, f, d, z, strict=True)])
+    more = second([a - b for a, b in zip(rate(first, u1, p), _at_the_end(z, f, d, v), strict=True)])
     return z, v, linear, more, tuple(a + h * b for a, b in zip(first, more, strict=True))
+
+
+def _at_the_end(z: Matrix, f: Sequence[Any], d: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """The rates after a step of mean rates v, of the linear part."""
+    return [plus(a, plus(dot(row, v), b)) for a, b, row in zip(f, d, z, strict=True)]
+
+
+def _error(z: Matrix, f: Sequence[Any], d: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+    """Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)/72, which is (f + (f + Z v) - 2 v)/12 where inputs are held."""
+    if all(isinstance(a, float) and a == 0.0 for a in d):
+        return [(plus(a, b) - 2.0 * c) * (1.0 / 12.0) for a, b, c in zip(f, _at_the_end(z, f, d, v), v, strict=True)]
+    moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
+    return solution(z, (0.0, -1.0 / 12.0, [dot(row, moved) for row in z]))
 
 
 def _linear(
@@ -210,60 +223,28 @@ def _linear(
     By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times that error is above
     `limits`.
     """
-    moved = [plus(a, b) for a, b in zip(f, d, strict=True)]
-    if len(f) > 2:
-        phi = _functions(z)
-        return phi.first(f, d), phi.error(moved), phi.second
-    of = _of_one if len(f) == 1 else _of_two
+    v: Sequence[Any] = solution(z, (1.0, 1.0, f), (0.5, 1.0, d))
+    linear = _error(z, f, d, v)
+    if limits is None or len(f) > 2:
+        return v, linear, lambda y: solution(z, (1.0 / 3.0, 5.0 / 6.0, y))
+    of, values = (_of_one, _values_of_one) if len(f) == 1 else (_of_two, _values_of_two)
+    fine = jnp.ones((), dtype=bool)
+    for e, most in zip(linear, limits, strict=True):
+        fine &= _size(h * e) <= most
+    rational, exact = values(z)
+    given = v, linear, rational[2]
 
-    def found(values: Values) -> tuple[list[Any], list[Any], tuple[Any, ...]]:
-        v = [plus(a, b) for a, b in zip(of(z, values[0], f), of(z, values[1], d), strict=True)]
-        return v, of(z, values[3], moved), values[2]
+    def exactly():
+        holds, (one, two, three) = exact()
+        v = [plus(a, b) for a, b in zip(of(z, one, f), of(z, two, d), strict=True)]
+        return v, [jnp.where(holds, 0.0, e) for e in linear], three
 
-    rational, exact = _both_of_one(z) if len(f) == 1 else _both_of_two(z)
-    v, linear, third = found(rational)
-    if limits is not None:
-        fine = jnp.ones((), dtype=bool)
-        for e, most in zip(linear, limits, strict=True):
-            fine &= _size(h * e) <= most
-        given = v, linear, third
-        v, linear, third = jax.lax.cond(fine, lambda: given, lambda: found(exact()))
+    v, linear, third = jax.lax.cond(fine, lambda: given, exactly)
     return v, linear, lambda y: of(z, third, y)
 
 
-class _Functions(NamedTuple):
-    """What a step needs of Z: phi1(Z) f + phi2(Z) d, 2 phi3(Z) y, and the error of what stands for exp(Z), by (f + d)."""
-
-    first: Callable[[Sequence[Any], Sequence[Any]], list[Any]]
-    second: Callable[[Sequence[Any]], list[Any]]
-    error: Callable[[Sequence[Any]], list[Any]]
-
-
-def _functions(z) -> _Functions:
-    """Rational ones, of any number of states."""
-    n = len(z)
-    columns = [[row[j] for row in z] for j in range(n)]
-    square = [[dot(row, column) for column in columns] for row in z]
-    solve = factored(
-        [
-            [plus(1.0 if i == j else 0.0, plus(times(-2.0 / 3.0, z[i][j]), times(1.0 / 6.0, square[i][j]))) for j in range(n)]
-            for i in range(n)
-        ]
-    )
-
-    def first(f, d):
-        turned = [dot(row, [plus(a, b) for a, b in zip(f, d, strict=True)]) for row in z]
-        return solve([plus(plus(a, times(0.5, b)), times(-1.0 / 6.0, c)) for a, b, c in zip(f, d, turned, strict=True)])
-
-    def error(moved):
-        turned = [dot(row, moved) for row in z]
-        return [b / 72.0 for b in solve([dot(row, turned) for row in z])]
-
-    return _Functions(first, lambda y: solve([a / 3.0 - times(5.0 / 36.0, dot(row, y)) for a, row in zip(y, z, strict=True)]), error)
-
-
 Values = tuple[tuple[Any, ...], ...]
-"""What phi1, phi2, 2 phi3 and the error are: c of c I, or (c, g) of c I + g Z."""
+"""What phi1, phi2 and 2 phi3 are: c of c I, or (c, g) of c I + g Z."""
 
 
 def _of_one(z: Matrix, value: tuple[Any, ...], y: Sequence[Any]) -> list[Any]:
@@ -274,36 +255,35 @@ def _of_two(z: Matrix, value: tuple[Any, ...], y: Sequence[Any]) -> list[Any]:
     return [plus(times(value[0], a), times(value[1], dot(row, y))) for a, row in zip(y, z, strict=True)]
 
 
-def _both_of_one(z: Matrix) -> tuple[Values, Callable[[], Values]]:
-    """The rational functions of one state, and the exponential ones, but for large growth."""
+def _values_of_one(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]:
+    """The rational functions of one state, and the exponential ones where they hold, which is not for large growth."""
     value = jnp.asarray(z[0][0], dtype=float)
     inverse = 1.0 / (1.0 + value * (value / 6.0 - 2.0 / 3.0))
-    rational = tuple((a * inverse,) for a in (1.0 - value / 6.0, 0.5 - value / 6.0, 1.0 / 3.0 - 5.0 / 36.0 * value, value * value / 72.0))
+    rational = tuple((a * inverse,) for a in (1.0 - value / 6.0, 0.5 - value / 6.0, 1.0 / 3.0 - 5.0 / 36.0 * value))
 
-    def exact() -> Values:
+    def exact() -> tuple[Any, Values]:
         holds = value < STEEPEST
         one, two, three = _phi(jnp.where(holds, value, -1.0))
-        found = ((one,), (two,), (2.0 * three,), (jnp.zeros(()),))
-        return jax.tree.map(lambda a, b: jnp.where(holds, a, b), found, rational)
+        return holds, jax.tree.map(lambda a, b: jnp.where(holds, a, b), ((one,), (two,), (2.0 * three,)), rational)
 
     return rational, exact
 
 
-def _both_of_two(z: Matrix) -> tuple[Values, Callable[[], Values]]:
-    """The rational functions of two states, and the exponential ones: by the divided difference of real eigenvalues, by the imaginary
-    part of complex ones; rational ones where both are close together, or both small."""
+def _values_of_two(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]:
+    """The rational functions of two states, and the exponential ones where they hold: by the divided difference of real eigenvalues, by
+    the imaginary part of complex ones; rational ones where both are close together, or both small."""
     half = 0.5 * jnp.asarray(plus(z[0][0], z[1][1]), dtype=float)
     det = jnp.asarray(plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0]))), dtype=float)
     rational = _rational(half, det)
 
-    def exact() -> Values:
+    def exact() -> tuple[Any, Values]:
         # (trace/2)^2 - det without its cancellation
         square = (0.5 * plus(z[0][0], times(-1.0, z[1][1]))) ** 2 + jnp.asarray(times(z[0][1], z[1][0]), dtype=float)
         turning, size = square < 0.0, jnp.abs(half)
         way = jnp.sqrt(jnp.maximum(jnp.abs(square), APART**2))
         holds = (jnp.abs(square) > APART**2) & (size + way > NEAR) & (half + jnp.where(turning, 0.0, way) < STEEPEST)
         found = _exponential(jnp.where(holds, half, -1.0), way, turning)
-        return jax.tree.map(lambda a, b: jnp.where(holds, a, b), found, rational)
+        return holds, jax.tree.map(lambda a, b: jnp.where(holds, a, b), found, rational)
 
     return rational, exact
 
@@ -315,12 +295,11 @@ def _rational(half: Any, det: Any) -> Values:
     inverse = 1.0 / (a * a + b * (trace - 2.0 / 3.0 * det))  # a^2 + a b trace + b^2 det, without the terms that cancel
     a, b = a * inverse, b * inverse
     whole = a + b * trace
-    found = ((c * whole + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0)))
-    return (*found, (-a * det / 72.0, (b * det + a * trace) / 72.0))
+    return tuple((c * whole + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0)))
 
 
 def _exponential(half: Any, way: Any, turning: Any) -> Values:
-    """Those for the eigenvalues half +- way, or half +- i way where it is `turning`; the last is no error."""
+    """Those for the eigenvalues half +- way, or half +- i way where it is `turning`."""
     signed = jnp.where(half < 0.0, -way, way)
     far = jnp.where(turning, half, half + signed)
     grown = jnp.exp(far)
@@ -333,7 +312,7 @@ def _exponential(half: Any, way: Any, turning: Any) -> Values:
         by_z = jnp.where(turning, imaginary * per_way, (once[k] - small[k]) * jnp.where(half < 0.0, -0.5, 0.5) * per_way)
         own = jnp.where(turning, real, 0.5 * (once[k] + small[k])) - half * by_z
         found.append((share * own, share * by_z))
-    return (*found, (jnp.zeros(()), jnp.zeros(())))
+    return tuple(found)
 
 
 def _phi(value: Any) -> tuple[Any, Any, Any]:
