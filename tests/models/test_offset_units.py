@@ -51,6 +51,10 @@ def test_recordings_are_converted_and_the_truth_comes_back(model, unit, shift):
         ("n*T2/T", "divides by a temperature in °C"),
         ("s*T^4", "power is of a temperature in °C"),
         ("k(T) + k(T2)", "argument must be in °C"),
+        ("a*(T - T2)", "difference of 'T' in °C and 'T2' in K is multiplied"),
+        ("(T2 - T)*n", "declare both in one unit"),
+        ("n*(-(T - T2) + Rp*a*dT)", "If 'T2' is a difference of temperatures, its unit is delta_degC"),
+        ("(T - zero)^2*n", "0 degC is 273.15 K"),
     ],
 )
 def test_expressions_that_take_degC_for_kelvin_are_refused(text, said):
@@ -60,13 +64,46 @@ def test_expressions_that_take_degC_for_kelvin_are_refused(text, said):
 
 PASS = [
     "T - T2", "T + T2", "T - T", "n*E/(R*(T + zero))", "n*E/(R*T2)", "s*(T + zero)^4", "T2^4*s", "T2 - zero + dT", "T + dT", "(T + T)/2",
-    "a*(T - T2)", "Rp*a*T2 + T", "n*(T - T)/(T - T)", "T^2*n",
+    "Rp*a*T2 + T", "n*(T - T)/(T - T)", "T^2*n", "a*(T - dT)", "a*(T + zero - T2)", "a*(T2 - zero - T)", "a*(T + T2)",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", PASS)
 def test_differences_sums_and_absolute_temperatures_pass(text):
     expression(text)
+
+
+EXCHANGE = "x' = (Ta - x)/tau; T = x"
+
+
+@pytest.mark.parametrize(("state", "input", "output"), [("K", "degC", "K"), ("degC", "K", "degC"), (None, "K", "degC")])
+def test_a_rate_by_a_difference_of_two_zeros_is_refused(state, input, output):
+    with pytest.raises(EquationError, match="is multiplied or is a rate"):
+        pf.equations(EXCHANGE, inputs={"Ta": input}, states={"x": state}, outputs={"T": output}, parameters={"tau": "s"})
+
+
+def test_an_intermediate_difference_of_two_zeros_is_refused_where_it_is_used():
+    text = "gap = Ta - x; x' = G*gap/C; T = x"
+    with pytest.raises(EquationError, match="difference of 'Ta' in °C and 'x' in K"):
+        pf.equations(text, inputs={"Ta": "degC"}, states={"x": "K"}, outputs={"T": "K"}, parameters={"G": "W/K", "C": "J/K"})
+
+
+@pytest.mark.parametrize(
+    ("room", "measured", "refused"),
+    [
+        ("K", "degC", True), ("degC", "K", True), ("degC", "degC", False), ("K", "K", False), ("C", "K", False), (None, "degC", False),
+        ("V", "degC", False),
+    ],
+)  # fmt: skip
+def test_recordings_in_two_zeros_are_refused_where_the_model_has_no_units(room, measured, refused):
+    model = pf.equations(EXCHANGE, inputs=["Ta"], states=["x"], outputs=["T"], parameters=["tau"])
+    t = np.arange(30.0)
+    recording = pf.Recording(t, {"Ta": pf.Signal(20.0 + np.sin(t), room), "T": pf.Signal(300.0 + 0.0 * t, measured)}, "r")
+    if refused:
+        with pytest.raises(EquationError, match="declare both in one unit, to which recordings are converted"):
+            Problem(model, recording, {"tau": (1.0, 10.0)})
+    else:
+        Problem(model, recording, {"tau": (1.0, 10.0)})
 
 
 def expression(text):

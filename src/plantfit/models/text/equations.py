@@ -12,6 +12,7 @@ from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
 from plantfit.models.text.dimensions.said_later import checked_later
+from plantfit.models.text.dimensions.two_zeros import refuse_two_zeros
 from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
 from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
@@ -21,7 +22,7 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
-from plantfit.units import is_point
+from plantfit.units import is_point, known
 
 # isort: split
 import jax.numpy as jnp
@@ -77,7 +78,7 @@ def equations(
         raise ModelError(f"Model {name!r}: the equations are {type(text).__name__}; write them as one text.")
     builder = _Builder(text, declare(name, inputs, states, outputs, parameters, constants, tables), check)
     model = builder.model(sentence, source)
-    return checked_later(model, lambda *beside: builder.whole_model().check_beside(*beside)) if check else model
+    return checked_later(model, builder.check_beside) if check else model
 
 
 class _Builder:
@@ -245,12 +246,7 @@ class _Builder:
 
     def _check_units(self, check: bool) -> None:
         """Check every expression; declared units must exist even when `check` is off."""
-        d = self.declared
-        named = {n: unit_of(u, f"input {n!r}") for n, u in {**d.inputs, **self.table.channel_units()}.items()}
-        named |= {n: unit_of(p.unit, f"parameter {n!r}") for n, p in d.parameters.items()}
-        named |= {n: unit_of(c.unit, f"constant {n!r}") for n, c in d.constants.items()}
-        outputs = {n: unit_of(u, f"output {n!r}") for n, u in d.outputs.items()}
-        states = {n: unit_of(u, f"state {n!r}") for n, u in d.states.items()}
+        named, states, outputs = self._units({})
         if not check:
             return
         whole = self.whole_model()
@@ -264,6 +260,24 @@ class _Builder:
             raise EquationError(f"{error.reason.rstrip('.')}. {line}", error.text, error.line, error.column) from None
         whole.check()
         self._check_zeros(named, states, outputs)
+        self._refuse_two_zeros(named, states, outputs)
+
+    def _units(self, given: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Units of inputs, parameters and constants, of states and of outputs, those that are not declared as `given`, else None."""
+        d = self.declared
+
+        def those(kind: str, declared: Mapping[str, str | None]) -> dict[str, Any]:
+            return {n: unit_of(given.get(n) if u is None else u, f"{kind} {n!r}") for n, u in declared.items()}
+
+        named = those("input", {**d.inputs, **self.table.channel_units()})
+        named |= those("parameter", {n: p.unit for n, p in d.parameters.items()})
+        named |= those("constant", {n: c.unit for n, c in d.constants.items()})
+        return named, those("state", d.states), those("output", d.outputs)
+
+    def check_beside(self, parameters: Mapping[str, str], recorded: Mapping[str, str]) -> None:
+        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict the declared ones."""
+        self.whole_model().check_beside(parameters, recorded)
+        self._refuse_two_zeros(*self._units({**parameters, **{n: unit for n, unit in recorded.items() if known(unit)}}))
 
     def whole_model(self) -> WholeModel:
         """What all statements say about units, also about those that nobody declared."""
@@ -303,9 +317,9 @@ class _Builder:
                 start = UnitChecker({**named, **outputs, TIME: second}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
 
-    def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
-        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
-        d, found = self.declared, dict(states)
+    def _shown_units(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
+        """Units of states, of those without unit the one that outputs or initial values show."""
+        found = dict(states)
         for output, unit in outputs.items():
             shown = self._output_node(output).name
             if shown in states and states[shown] is None:
@@ -313,6 +327,17 @@ class _Builder:
         for state, node in self.initial.items():
             if isinstance(node, Node) and found[state] is None:
                 found[state] = {**named, **outputs}.get(node.name)
+        return found
+
+    def _refuse_two_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        values = {n: self.values[n].right for n in self.order}
+        rates = [s.right for s in self.derivatives.values()]
+        units = {**named, **outputs, **self._shown_units(named, states, outputs)}
+        refuse_two_zeros(units, values, [*rates, *self.hybrid.expressions()], rates, self.text)
+
+    def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
+        d, found = self.declared, self._shown_units(named, states, outputs)
         degrees = {n: u for n, u in {**named, **found, **outputs}.items() if u is not None and is_point(u)}
         if not any(states[n] is None for n in degrees if n in states):
             return

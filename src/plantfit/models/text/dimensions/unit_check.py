@@ -46,7 +46,7 @@ def same(a: Unit, b: Unit, *, shifted: bool = False) -> bool:
     """
     if a is None or b is None or a is ZERO or b is ZERO:
         return True
-    if not shifted and {_temperature(a), _temperature(b)} == {"from its own zero", "absolute"}:
+    if not shifted and {temperature(a), temperature(b)} == {"from its own zero", "absolute"}:
         return False
     return _plain(a / b) and math.isclose(_factor(a / b), 1.0, rel_tol=1e-9) and not _turns_against_radians(a, b)
 
@@ -142,7 +142,7 @@ class UnitChecker:
 
     def _same(self, node: Node, given: list[Unit]) -> Unit:
         unit = self._common(node, node.args, given)
-        kinds = [_temperature(u) for u in given]
+        kinds = [temperature(u) for u in given]
         if len(given) < 2 or unit is None or None in kinds or node.op not in ("+", "-"):
             return unit
         if "difference" not in kinds and (node.op == "-" or len(set(kinds)) > 1):
@@ -189,10 +189,10 @@ class UnitChecker:
         """The unit of a temperature in degC or degF that an expression is proportional to, else None."""
         if node.op == "name" or node.table is not None:
             unit = self.named.get(node.name)
-            return unit if _temperature(unit) == "from its own zero" else None
+            return unit if temperature(unit) == "from its own zero" else None
         if node.op in ("+", "-") and len(node.args) == 2:
             unit = self.unit(node)
-            return unit if _temperature(unit) == "from its own zero" else None
+            return unit if temperature(unit) == "from its own zero" else None
         if node.op in ("*", "/", "negative", "+", "-"):
             return next((u for a in node.args if (u := self._own_zero(a)) is not None), None)
         return None
@@ -227,7 +227,7 @@ class UnitChecker:
         return self.numbers.get(node.name) if node.op == "name" else None
 
 
-def _temperature(unit: Unit) -> str | None:
+def temperature(unit: Unit) -> str | None:
     """What kind of temperature a unit tells: "absolute" (K), "from its own zero" (degC), "difference" (delta_degC), None: none."""
     if unit is None or unit is ZERO or list(unit._units.values()) != [1] or units.dimension(unit) != units.dimension("K"):
         return None
@@ -273,8 +273,8 @@ def _how(found: Unit, wanted: Unit) -> str:
         return "; these are different kinds of quantity, check the equation and the declared units"
     if _turns_against_radians(found, wanted):
         return f"; these do not say how many radians one of them is: {units.turns_said(found, wanted)}"
-    if {_temperature(found), _temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
-        sign = "+" if _temperature(wanted) == "absolute" else "-"
+    if {temperature(found), temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
+        sign = "+" if temperature(wanted) == "absolute" else "-"
         return (
             f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = '273.15 K' in "
             "constants, or "
