@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import butter, chirp, cont2discrete, lfilter
 
 import plantfit.recording as rec
 from plantfit.recording.looks import clock_looks, feedback_look, signal_looks
@@ -212,7 +212,39 @@ def test_control_by_the_output_is_still_told():
         assert "seems to be computed from y (closed loop)" in look.sentence, seed
         assert look.write == ""
         assert "late" not in look.figures
-    assert told >= 25
+    assert told >= 20  # of some 83 stable ones; twice as many where the own past of a goal in steps is cut at 5 samples
+
+
+def known_beforehand(kind, n, rng):
+    """Excitations whose long past tells them: a random-phase multisine of two periods, a sweep, sines, filtered noise, held levels."""
+    t = np.arange(n)
+    if kind == "multisine":
+        f = np.arange(1, n // 4) / (n // 2)
+        f = f[(f >= rng.uniform(0.0, 0.02)) & (f <= rng.uniform(0.05, 0.45))]
+        return np.sum(np.cos(2 * np.pi * np.outer(f, t) + rng.uniform(0, 2 * np.pi, (len(f), 1))), axis=0)
+    if kind == "sweep":
+        return chirp(t, rng.uniform(1e-3, 1e-2), n, rng.uniform(0.1, 0.4))
+    if kind == "sines":
+        return np.sum(np.sin(2 * np.pi * np.outer(rng.uniform(0.002, 0.3, 4), t) + rng.uniform(0, 6, (4, 1))), axis=0)
+    if kind == "filtered":
+        return lfilter(*butter(4, rng.uniform(0.05, 0.8)), rng.normal(size=n))
+    return np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)
+
+
+@pytest.mark.parametrize("bent", [False, True])
+@pytest.mark.parametrize("kind", ["multisine", "sweep", "sines", "filtered", "levels"])
+def test_excitations_that_are_known_beforehand_are_no_closed_loop(kind, bent):
+    """In open loop, of plants that ring or not, linear or not; noise of 0.1 to 10 %."""
+    alarms = 0
+    for seed in range(25):
+        rng = np.random.default_rng([seed, bent])
+        u = known_beforehand(kind, 1500, rng)
+        w, damping = np.pi * 10 ** rng.uniform(-2, -0.3), rng.uniform(0.02, 1.2)
+        over, under, _ = cont2discrete(([w * w], [1, 2 * damping * w, w * w]), 1.0)
+        y = lfilter(over.ravel(), under, u)
+        y = np.tanh(1.5 * y / np.std(y)) if bent else y
+        alarms += looked_at(u, y + 10 ** rng.uniform(-3, -1) * np.std(y) * rng.normal(size=1500)) is not None
+    assert alarms <= 2
 
 
 def test_an_open_loop_stamped_right_is_silent():

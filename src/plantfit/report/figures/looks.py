@@ -67,12 +67,13 @@ def _told(look: Look, t: np.ndarray, recording: Recording) -> Figure | None:
     if u is None or y is None or not (np.all(np.isfinite(u)) and np.all(np.isfinite(y))) or len(u) <= 3 * LAGS:
         return None
     new, told = news_told(u, y)
+    later = t[len(t) - len(new) :]
     power = np.convolve(told**2, np.ones(min(CLOSE, len(told))), "valid")
     first = int(np.argmax(power))
     here = slice(first, first + CLOSE)
     title = with_unit(f"new in {look.signal}, and (coloured) what past values of {look.other} tell of it, in {recording.name}", unit)
-    figure = _figure(replace(look, begin=None, end=None), t[LAGS:][here], new[here], title, False)
-    line = {**figure["data"][0], "y": style.numbers(told[here]), "x": style.numbers(t[LAGS:][here], 9)}
+    figure = _figure(replace(look, begin=None, end=None), later[here], new[here], title, False)
+    line = {**figure["data"][0], "y": style.numbers(told[here]), "x": style.numbers(later[here], 9)}
     figure["data"] = [figure["data"][0], {**line, "line": {"color": style.WARNING, "width": 1.6}}]
     return figure
 
