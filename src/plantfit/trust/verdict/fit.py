@@ -297,7 +297,9 @@ def _one(findings: Findings) -> str:
 def _allow(findings: Findings) -> str:
     """What standard errors make of correlated residuals."""
     classical = findings.get("standard_errors", {}).get("kind") == "classical"
-    return 'do not allow for it (standard_errors = "robust" does)' if classical else "allow for it"
+    if classical:
+        return 'do not allow for it (standard_errors = "robust" does)'
+    return "allow for it" if (findings.get("determined") or {}).get("sound", True) else "cannot allow for all of it"
 
 
 def _follows(c: Mapping[str, Any]) -> bool:
