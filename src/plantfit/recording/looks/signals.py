@@ -16,6 +16,7 @@ STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
 LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
+LONG, OWN = 50, 0.4  # samples back of an input itself; they leave less of its news than this share where it is a sum of sines
 NEAR, EARLIER, MOST = (3, LAGS), 30, 20_000  # of the test for late stamps: samples back, samples ahead and of the record at most
 
 
@@ -135,18 +136,10 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
     good = np.isfinite(a) & np.isfinite(b)
     if good.sum() < 20 * LAGS or not good.all() or np.ptp(a) == 0 or np.ptp(b) == 0:
         return None
-    new, told = news_told(a, b)
-    left = [float(np.sum(new**2)), float(np.sum((new - told) ** 2))]
-    free = len(new) - 2 * LAGS - 1
-    if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0:
+    told = _told_by(a, b, LAGS, misread)
+    if told is None or (_foretold(a) and _told_by(a, b, _long(a), misread) is None):
         return None
-    share = 1.0 - left[1] / left[0]
-    if share < SHARE or left[0] - left[1] <= len(new) * misread**2:
-        return None
-    f = share / max(1.0 - share, 1e-300) * free / LAGS
-    chance = float(scipy.special.fdtrc(LAGS, free, f))
-    if chance > SURE:
-        return None
+    share, chance = told
     told_of = f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} "
     figures: dict[str, int | float | None] = {"share": share, "chance": chance}
     if late := stamped_late(a, b):
@@ -154,18 +147,47 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
         sentence = (
             f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed from {y} (closed "
-            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md."
+            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md. "
+            f"A filter before {u}, or {y} smoothed over later samples, looks the same."
         )
         figures["late"] = shift
     else:
         write = ""
         sentence = (
-            f"{told_of}seems to be computed from {y} (closed loop), or to be read with noise, so that {y} knows it better. Both pull the "
-            f"parameters. For a loop see docs/closed-loop.md, or estimate with a Kalman filter; smooth a noisy {u} in a cleaning step."
+            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was read with noise, through a filter or "
+            f"too seldom, or {y} was smoothed or interpolated over later samples. All of that pulls the parameters. For a loop see "
+            "docs/closed-loop.md, or estimate with a Kalman filter; else take both as they were read, smooth a noisy "
+            f"{u} in a cleaning step, and sample faster what moves between samples."
         )
     return Look(
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write, figures, other=y
     )  # fmt: skip
+
+
+def _long(a: np.ndarray) -> int:
+    """How many samples of a longer past are looked at."""
+    return min(LONG, len(a) // 10)
+
+
+def _foretold(a: np.ndarray) -> bool:
+    """Whether most of what a few past values of a signal (n,) do not tell is told by more of them, as of a sum of sines."""
+    short, longer = (news_told(a, a[:0], past)[0][_long(a) - past :] for past in (LAGS, _long(a)))
+    return float(np.sum(longer**2)) < OWN * float(np.sum(short**2))
+
+
+def _told_by(a: np.ndarray, b: np.ndarray, past: int, misread: float) -> tuple[float, float] | None:
+    """Which share past values of b (n,) tell of what so many `past` ones of a signal a (n,) do not tell of it, and how likely chance gives
+    as much; None where it is less than anybody speaks of."""
+    new, told = news_told(a, b, past)
+    left = [float(np.sum(new**2)), float(np.sum((new - told) ** 2))]
+    free = len(new) - past - LAGS - 1
+    if left[0] <= 1e-20 * float(np.sum(a**2)) or left[1] <= 0 or free <= 0:
+        return None
+    share = 1.0 - left[1] / left[0]
+    if share < SHARE or left[0] - left[1] <= len(new) * misread**2:
+        return None
+    chance = float(scipy.special.fdtrc(LAGS, free, share / max(1.0 - share, 1e-300) * free / LAGS))
+    return None if chance > SURE else (share, chance)
 
 
 def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
@@ -198,13 +220,13 @@ def _better_late(a: np.ndarray, b: np.ndarray, lags: int) -> tuple[float, int]:
     return feedback - missed(a, a[back]) - ahead[late], late + 1
 
 
-def news_told(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of a signal a (n,) what its own past `LAGS` values do not tell, (n - LAGS,), and what of that past values of b (n,) tell."""
-    n = len(a) - LAGS
-    own = np.column_stack([np.ones(n), *(a[LAGS - k : len(a) - k] for k in range(1, LAGS + 1))])
-    both = np.column_stack([own, *(b[LAGS - k : len(b) - k] for k in range(1, LAGS + 1))])
-    by_own, by_both = (m @ np.linalg.lstsq(m, a[LAGS:], rcond=1e-12)[0] for m in (own, both))
-    return a[LAGS:] - by_own, by_both - by_own
+def news_told(a: np.ndarray, b: np.ndarray, past: int = LAGS) -> tuple[np.ndarray, np.ndarray]:
+    """Of a signal a (n,) what its own `past` values do not tell, (n - past,), and what of that `LAGS` past values of b (n,) tell."""
+    n = len(a) - past
+    own = np.column_stack([np.ones(n), *(a[past - k : len(a) - k] for k in range(1, past + 1))])
+    both = np.column_stack([own, *(b[past - k : len(b) - k] for k in range(1, LAGS + 1))]) if len(b) else own
+    by_own, by_both = (m @ np.linalg.lstsq(m, a[past:], rcond=1e-12)[0] for m in (own, both))
+    return a[past:] - by_own, by_both - by_own
 
 
 def _times(times: np.ndarray, at: np.ndarray) -> list[float]:
