@@ -7,6 +7,7 @@ import scipy  # scipy.special is loaded at its first use
 
 from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
+from plantfit.recording.looks.refreshed import refreshed_look
 from plantfit.recording.record import Recording
 
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
@@ -87,6 +88,8 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             "quantised", "info", recording.name, name, f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
             f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
         )  # fmt: skip
+    if (refreshed := refreshed_look(recording, name)) is not None:
+        yield refreshed
     yield from _spikes(recording, name, values, times, unit)
 
 
