@@ -76,3 +76,26 @@ def test_a_search_that_meets_numbers_without_a_square_ends():
     block = Block(np.arange(2), np.full(2, 0.5), np.ones(3), np.ones((3, 2)))
     block.update(np.array([0.1, 0.1]), 1.0, np.zeros(3), big)
     assert np.all(block.jacobian == 1.0)  # refused
+
+
+def test_beside_a_wander_of_a_right_model_no_response_is_called_incomplete():
+    """Residuals that are worth few samples follow a slow input by chance."""
+    told = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        t = 0.1 * np.arange(300)
+        u = np.sin(0.4 * t + seed) + 0.5 * np.sin(0.13 * t) + 2.0
+        x = np.empty(300)
+        x[0] = 2.0 * u[0]
+        for k in range(299):
+            x[k + 1] = 2.0 * u[k] + (x[k] - 2.0 * u[k]) * np.exp(-0.1 / 1.5)
+        y = x + 0.05 * np.cumsum(rng.standard_normal(300)) + 0.02 * rng.standard_normal(300)
+        bounds = {"K": {"bounds": (0.01, 10.0)}, "tau": {"bounds": (0.1, 20.0)}}
+        model = equations("x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": "x"}}, outputs=["x"], parameters=bounds)
+        found = fit(Problem(model, Recording(t, {"u": Signal(u), "x": Signal(y)})), budget=400, seed=1).findings
+        if found["determined"]["sound"]:
+            continue
+        said = " ".join(v["sentence"] for v in found["verdict"])
+        told += "so few independent samples do not tell" in said
+        assert "response to it is incomplete" not in said
+    assert told >= 1
