@@ -87,6 +87,7 @@ def looks() -> Iterator[tuple[str, Recording, Look]]:
     gap[250:] += 0.6
     signals = {
         "clipped": np.minimum(y, 1.5), "stuck": stuck, "quantised": np.round(y / 0.2) * 0.2, "spikes": spikes, "missing": missing,
+        "held": np.repeat(y[::8], 8), "filled": np.interp(t, t[::8], y[::8]),
     }  # fmt: skip
     for kind, values in signals.items():
         recording = Recording(t, {"y": Signal(values, "V")}, "record")

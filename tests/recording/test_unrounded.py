@@ -67,8 +67,18 @@ def test_what_wanders_over_an_even_grid_looks_rounded():
     assert rounded_step(3.0 + np.round(slow / 0.25) * 0.25) == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("kind", ["smooth", "two levels", "staircase", "random levels", "uneven levels", "fine"])
-def test_commands_and_fine_readings_do_not(kind):
+def test_readings_in_fine_steps_look_rounded_too():
+    t = np.linspace(0, 6, 600)
+    slow = np.sin(2 * np.pi * t) + 0.4 * np.sin(5 * t + 1)
+    assert rounded_step(np.round(slow / 0.01) * 0.01) == pytest.approx(0.01)
+    assert rounded_step(np.round(slow / 0.001) * 0.001) == pytest.approx(0.001)
+    assert rounded_step(np.round(0.037 * t / 0.001) * 0.001) == pytest.approx(0.001)  # a ramp
+    texts = [float(f"{v:.4f}") for v in np.round(slow / 0.00244) * 0.00244]  # steps that a log rounds once more
+    assert rounded_step(np.array(texts)) == pytest.approx(0.00244, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["smooth", "two levels", "staircase", "random levels", "uneven levels", "fine levels", "noisy", "ramps"])
+def test_commands_and_smooth_signals_do_not(kind):
     rng, t = np.random.default_rng(3), np.linspace(0, 6, 600)
     slow = np.sin(2 * np.pi * t)
     u = {
@@ -77,6 +87,8 @@ def test_commands_and_fine_readings_do_not(kind):
         "staircase": np.repeat(np.r_[np.arange(10), np.arange(10)[::-1]], 30).astype(float),
         "random levels": np.repeat(rng.integers(0, 20, 120), 5).astype(float),
         "uneven levels": np.array([0.0, 1.0, 2.3, 3.1, 4.7, 5.2, 6.0])[np.round(3 + 3 * slow).astype(int)],
-        "fine": np.round(slow / 0.01) * 0.01,
+        "fine levels": np.repeat(np.round(rng.uniform(-1, 1, 120), 3), 5),
+        "ramps": np.round(np.interp(t, [0, 3, 6], [0, 7.3, 0]), 9),
+        "noisy": slow + 0.01 * rng.standard_normal(600),
     }[kind]
     assert rounded_step(u) is None

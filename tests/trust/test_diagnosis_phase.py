@@ -165,3 +165,34 @@ def test_beside_a_sensor_that_was_stuck_no_addition_is_proposed(seed, stuck):
         assert len(said) == bool(what)
     else:
         assert said == []
+
+
+@pytest.mark.parametrize("every", [1, 8])
+def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
+    """The repeats look like a lag of the input, "very likely missing", and nothing is missing but fresh samples."""
+    told = 0
+    for seed in range(2):
+        rng, n = np.random.default_rng(seed), 800
+        t, u = 0.1 * np.arange(n), np.repeat(rng.uniform(0.0, 5.0, 32), 25)
+        x = np.empty(n)
+        x[0] = 2.0 * u[0]
+        for k in range(n - 1):
+            x[k + 1] = 2.0 * u[k] + (x[k] - 2.0 * u[k]) * np.exp(-0.1 / 1.5)
+        y = np.repeat((x + 0.01 * rng.normal(size=n))[::every], every)
+        bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (0.1, 50.0)}}
+        model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
+        found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
+        found.findings["reproduction"]["command"] = "plantfit run tank.toml"
+        d = found.diagnose()
+        said = [v["sentence"] for v in found.findings["verdict"] if "was read more seldom than it was recorded" in v["sentence"]]
+        if every == 1:
+            assert said == []
+            assert d is None or not any(r["found"] for r in d["rounds"])
+            continue
+        assert d is not None
+        assert len(said) == any(r["found"] for r in d["rounds"])
+        if said:
+            told += 1
+            assert d["next"] == ""
+            assert said[0].endswith("keep the fresh samples alone, as the look at y says, and run again.")
+    assert told == (0 if every == 1 else 2)

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the 
 
 from benchmarks.diagnosis import PLANTS, write
 
-from plantfit import Recording, Signal, fit
+from plantfit import Problem, Recording, Signal, equations, fit
 from plantfit.errors import ModelError
 from plantfit.models.extensions import with_extensions
 from plantfit.models.library.process import first_order
@@ -166,3 +166,45 @@ def test_a_model_without_inputs_is_not_said_to_be_moved_by_them(inputs, alone):
     assert ("more slowly than the inputs move the plant" in text) is bool(inputs)
     assert ("Without inputs it cannot be told from an error of the equations" in text) is not bool(inputs)
     assert ("nothing else need be missing" in text) is (bool(inputs) and alone)
+
+
+def few_levels(seed, warm=0.0, play=0.0, offset=0.0):
+    """A lag (K 2, tau 1.5 s) beside an input of three levels: with a sensor that warms up, a play before the plant, or an offset."""
+    rng, t = np.random.default_rng(seed), 0.2 * np.arange(250)
+    u = np.repeat(rng.choice([0.0, 1.0, 2.0], 17), 15)[:250]
+    y, x, gap = np.zeros(250), 2.0 * u[0], u[0]
+    for k, level in enumerate(u):
+        y[k] = x
+        gap = min(max(gap, level - play), level + play)
+        x += (1.0 - np.exp(-0.2 / 1.5)) * (2.0 * gap - x)
+    y += warm * np.sin(np.pi * t / t[-1]) + offset + 0.02 * rng.standard_normal(250)
+    model = equations(
+        "y' = (K*u - y)/tau", inputs=["u"], states={"y": {"initial": "y0"}}, outputs=["y"],
+        parameters={"K": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.1, 20.0)}, "y0": {"bounds": (-50.0, 50.0)}},
+    )  # fmt: skip
+    answer = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)}, "run")), budget=600, seed=1)
+    return diagnosis_record(diagnose(answer.problem, answer.best.x))
+
+
+def test_a_small_drift_beside_an_input_of_few_levels_is_no_backlash():
+    found = 0
+    for seed in range(6):
+        record = few_levels(seed, warm=0.06)
+        sure = [r for r in record["rounds"] if r["likely"] in ("likely", "very likely") and r["found"] != ["drift of y"]]
+        said = " ".join(s["sentence"] for s in record["verdict"])
+        named = any(r["found"] for r in record["rounds"])
+        found += named
+        assert not sure
+        assert not named or "A slow drift of y, a curve in time" in said or record["drifting"] or record["wandering"]
+    assert found >= 2
+
+
+@pytest.mark.parametrize("fault", [{"play": 0.2}, {"offset": 0.1}])
+def test_what_is_backlash_or_an_offset_has_no_drift_beside_it(fault):
+    sure = 0
+    for seed in range(5):
+        record = few_levels(seed, **fault)
+        assert not any("A slow drift of y" in s["sentence"] for s in record["verdict"])
+        name = "backlash of u" if "play" in fault else "offset of y"
+        sure += any(r["likely"] == "very likely" and name in r["found"] for r in record["rounds"])
+    assert sure >= 4

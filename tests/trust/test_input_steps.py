@@ -14,7 +14,7 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, moves
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.parameter_rows import parameter_rows
 from plantfit.trust.intervals.ranges import Range
-from plantfit.trust.looks.input_steps import input_steps
+from plantfit.trust.looks.input_steps import input_steps, telling
 
 RADIUS, PERIOD, N = 0.03, 0.01, 300
 WHEEL = equations(
@@ -131,6 +131,61 @@ def test_readings_that_look_rounded_are_named_with_the_line_that_says_they_were_
     commanded = Experiment(record, rounded={"u": 0.0})
     assert input_steps(Problem(plant, commanded, space)) == []
     assert input_steps(Problem(plant, Experiment(record, rounded={"u": 0.4}), space))[0].told
+
+
+LAG = equations(
+    "y' = (K*u - y)/tau",
+    inputs=["u"],
+    states={"y": {"initial": "y0"}},
+    outputs=["y"],
+    parameters=["K", "tau", "y0"],
+    name="lag",
+)
+LAG_SPACE = {"K": Parameter((0.1, 10.0)), "tau": Parameter((0.1, 20.0)), "y0": Parameter((-50.0, 50.0))}
+
+
+def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
+    """A lag (K 2, tau 1.5 s) driven by a slow signal over a range of 10, read in steps of 0.2 % of it, or commanded in them."""
+    rng, fine = np.random.default_rng(seed), np.arange(6000) * 0.01
+    u = sum(a * np.sin(6.28 * f * fine + p) for a, f, p in rng.uniform([0.3, 0.005, 0], [1, 0.05, 6.28], (4, 3)))
+    u = 10 * (u - u.min()) / np.ptp(u)
+    place = rng.uniform()
+    read = (np.round(u[::10] / step + place) - place) * step
+    u = np.repeat(read, 10) if commanded else u
+    y, a = np.full(len(fine), 2.0 * u[0]), np.exp(-0.01 / 1.5)
+    for k in range(len(fine) - 1):
+        y[k + 1] = a * y[k] + (1 - a) * 2.0 * (u[k] if commanded else 0.5 * (u[k] + u[k + 1]))
+    return Recording(0.1 * np.arange(600), {"u": Signal(read), "y": Signal(y[::10] + noise * rng.standard_normal(600))}, "run")
+
+
+def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside_the_noise():
+    held = {"noise": 0, "steps": 0}
+    seeds = range(20)
+    for seed in seeds:
+        answer = fit(Problem(LAG, fine_steps(seed), LAG_SPACE, hold={"u": "linear"}), budget=600)
+        row = answer.findings["parameters"][0]
+        assert any("driven by readings in steps (u)" in v["sentence"] for v in answer.findings["verdict"])
+        by_noise = np.sqrt(row["standard_error"] ** 2 - row["by_steps"] ** 2)
+        held["noise"] += abs(row["value"] - 2.0) < 1.96 * by_noise
+        held["steps"] += row["low"] <= 2.0 <= row["high"]
+    assert held["noise"] <= 15
+    assert held["steps"] >= 18
+
+
+def test_of_a_command_in_fine_steps_residuals_tell_that_the_plant_got_it():
+    told = 0
+    for seed in range(10):
+        answer = fit(Problem(LAG, fine_steps(seed, commanded=True, step=0.1), LAG_SPACE), budget=600)
+        told += any("in steps" in v["sentence"] for v in answer.findings["verdict"])
+    assert told <= 1
+
+
+def test_a_check_speaks_of_steps_by_the_noise_of_the_output():
+    for noise, said in ((0.005, True), (0.5, False)):
+        problem = Problem(LAG, fine_steps(1, noise=noise), LAG_SPACE, hold={"u": "linear"})
+        assert bool(telling(problem, input_steps(problem))) is said
+    told = Problem(LAG, Experiment(fine_steps(1, noise=0.5), rounded={"u": 0.02}), LAG_SPACE, hold={"u": "linear"})
+    assert telling(told, input_steps(told))
 
 
 def test_steps_follow_the_unit_of_their_signal():

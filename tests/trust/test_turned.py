@@ -36,12 +36,57 @@ def test_a_part_of_the_wrong_sign_is_placed(first, last, offset, noise):
         y = x + noise * np.std(x) * rng.normal(size=N)
         y[first:last] *= -1.0
         if (found := turned(T, y + offset, x)) is None:
-            continue  # in a short part the simulation passes its mean too seldom
+            continue
         told += 1
         assert (found.begin, found.end) == pytest.approx((T[first], T[last - 1]), abs=8.0)
         assert found.within < -0.8
         assert found.elsewhere > 0.8
     assert told >= (10 if last - first > 500 else 8)
+
+
+def slow(rng, level):
+    """An input that passes its mean one to eight times."""
+    return level + 2.0 * np.sin(2.0 * np.pi * rng.uniform(1.0, 4.0) * T / T[-1] + rng.uniform(0.0, 6.28))
+
+
+@pytest.mark.parametrize("channel", ["u", "y"])
+def test_the_wrong_sign_of_a_slow_record_is_placed_by_what_the_rest_foretells(channel):
+    told = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        u = slow(rng, 0.0 if channel == "u" else 3.0)
+        x = output(u)
+        y = x + 0.05 * np.std(x) * rng.normal(size=N)
+        if channel == "y":
+            y[450:900] *= -1.0
+        else:
+            u[450:900] *= -1.0
+            x = output(u)
+        if (found := turned(T, y, 0.5 * x)) is None:  # as a fit that both parts pull at
+            continue
+        told += 1
+        assert (found.begin, found.end) == pytest.approx((T[450], T[899]), abs=3.0)
+    assert told >= 15
+
+
+def test_slow_records_of_wrong_models_and_slow_noise_do_not_turn():
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        u = slow(rng, rng.choice([0.0, 3.0]))
+        x = output(u)
+        size = np.std(x)
+        noise = [lfilter([1.0], [1.0, -memory], rng.normal(size=N)) for memory in (0.9, 0.98, 0.998, 1.0)]
+        others = [
+            *(x + size * r * e / np.std(e) for e in noise for r in (0.3, 1.0, 3.0)), *noise, output(u, [1.0], [6.0, 5.0, 1.0]),
+            (u - np.mean(u)) ** 2, -x, np.r_[np.zeros(100), x[:-100]], x + 3.0 * size * (T > 90.0), x + 0.05 * size * T,
+            x * np.where(T > 70.0, 0.2, 1.0), output(u, [-1.0, 1.0], [1.0, 2.0, 1.0]),
+        ]  # fmt: skip
+        assert not [k for k, y in enumerate(others) if turned(T, y, x) is not None]
+
+
+def test_a_plant_whose_response_has_a_valley_has_no_wrong_sign():
+    u = np.interp(T, [0.0, 150.0], [-1.0, 3.0])
+    assert turned(T, u**2, u) is None
 
 
 @pytest.mark.parametrize("held", [20, 50, 150])
@@ -58,10 +103,12 @@ def test_wrong_models_do_not_turn(held):
         assert not [k for k, y in enumerate(others) if turned(T, y, x) is not None]
 
 
-@pytest.mark.parametrize("channel", ["u", "y", None])
-def test_the_verdict_names_the_part_and_no_better_model(channel):
+@pytest.mark.parametrize(
+    ("channel", "moved"), [("u", "quick"), ("y", "quick"), (None, "quick"), ("u", "slow"), (None, "slow")],
+)  # fmt: skip
+def test_the_verdict_names_the_part_and_no_better_model(channel, moved):
     rng = np.random.default_rng(12)
-    u = steps(rng)
+    u = steps(rng) if moved == "quick" else slow(rng, 0.0)
     y = output(12.0 * u) + 0.3 * rng.normal(size=N)
     record = {"u": u.copy(), "y": y.copy()}
     if channel:

@@ -7,6 +7,7 @@ from plantfit.lazy import names_of
 if TYPE_CHECKING:
     from plantfit.recording.clean.adjust import convert_units, detrend, scale, subtract
     from plantfit.recording.clean.cutoff import Cutoff, cutoff_frequency
+    from plantfit.recording.clean.every import keep_every
     from plantfit.recording.clean.filters import lowpass
     from plantfit.recording.clean.gaps import fill_gaps
     from plantfit.recording.clean.levels import levels
@@ -59,6 +60,7 @@ __all__ = [
     "from_arrays",
     "from_frame",
     "guess_roles",
+    "keep_every",
     "levels",
     "lowpass",
     "moving_rms",
@@ -95,6 +97,7 @@ names_of(
         "signals.differentiation": "DerivativeError compare_derivatives",
         "signals.encoder": "counts_to_angle counts_to_speed period_to_speed",
         "clean.filters": "lowpass",
+        "clean.every": "keep_every",
         "clean.gaps": "fill_gaps",
         "clean.levels": "levels",
         "signals.motion": "smooth_motion",

@@ -20,7 +20,7 @@ from plantfit.spec.tables import RecordingTable
 CLEANING = (
     "drop_outliers", "drop_samples", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
     "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
-    "period_to_speed", "moving_rms", "odometry", "backdate",
+    "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every",
 )  # fmt: skip
 
 

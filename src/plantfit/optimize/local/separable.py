@@ -18,7 +18,13 @@ SAME = 0.01  # relative difference of costs that counts as the same answer
 HOPELESS = 1e16  # damping that ends a search
 DAMPING = 1e-2
 LONG = 100  # evaluations of a search after which another start is tried first; twice as many each time this happens again
+LARGEST = 1e150  # whose square is a number
 FLAT = 1e-3  # smallest scale of a coordinate, as a share of the largest
+
+
+def usable(residuals: np.ndarray, jacobian: np.ndarray) -> bool:
+    """Whether a step can be made of residuals (k,) and derivatives (k, q): their squares have a sum."""
+    return all(bool(np.all(np.abs(a) < LARGEST)) for a in (residuals, jacobian))  # not so of NaN
 
 
 @dataclass
@@ -65,7 +71,7 @@ class Block:
 
     def update(self, p: np.ndarray, promised: float, residuals: np.ndarray, jacobian: np.ndarray) -> None:
         """Accept or refuse a step and choose the next damping (Nielsen 1999, IMM-REP-1999-05, eq. 2.5)."""
-        finite = np.all(np.isfinite(residuals)) and np.all(np.isfinite(jacobian))
+        finite = usable(residuals, jacobian)
         ratio = (self.cost - float(residuals @ residuals)) / promised if finite and promised > 0 else -1.0
         ends = promised <= self.tolerance * self.cost
         if ratio > ENOUGH:
@@ -83,7 +89,7 @@ class Block:
         """Take up a start, or give it up at once when it cannot be simulated."""
         self.x, self.residuals, self.jacobian, self.fresh = x, residuals, jacobian, False
         self.damping, self.growth, self.scale, self.length = DAMPING, 2.0, np.zeros(0), 0
-        self.done = not (np.all(np.isfinite(residuals)) and np.all(np.isfinite(jacobian)))
+        self.done = not usable(residuals, jacobian)
 
     def next(self, rng: np.random.Generator, agree: int) -> None:
         """After a search: a new start, until the best answer was found `agree` times; then the best to its last digits."""

@@ -7,22 +7,50 @@ from plantfit.recording.looks.signals import COARSE, LEVELS
 FEW = 6  # levels below which nothing tells steps from levels that somebody chose
 OFTEN = 3.0  # changes by levels: a staircase that goes up and down again has 2
 NEAR = 3.0  # steps by which it changes, at the median: what jumps farther was told to
-EVEN = 1e-3  # of a step, by which levels may be off a grid
+EVEN = 0.05  # of a step, rms, by which levels may be off a grid: a text of few digits rounds them once more
+UNEVEN = 0.4  # of their mean, by which times between changes scatter
+SAME = 1e-9  # of the range, by which one level may be two numbers
+SURE = 12  # levels on a fine grid: so many are not on one by chance
+MOVES = 0.1  # of the samples that change where steps are fine: a command is held for long
+RAMP = 0.95  # of the samples that move by as much: a ramp whose own increment is the grid
+QUICK = 0.8  # the same where changes are of many steps: a reading that moves so far is seldom the same again
 
 
 def rounded_step(values: np.ndarray) -> float | None:
-    """The step of a signal (n,) that wanders from level to neighbouring level of an even grid, back and forth; None for any other.
+    """The step of a signal (n,) that comes in levels of an even grid as a reading does; None for any other.
 
-    The grid is coarse: a step is more than 1 % of the range, and levels are few beside the samples, as for the look "quantised".
+    On a coarse grid, of steps of more than 1 % of the range, it goes from level to neighbouring level, back and forth or at uneven times.
+    Levels are few beside the samples there, as for the look "quantised". On a fine grid it moves most of the time, and is not held as a
+    command is.
     """
     y = values[np.isfinite(values)]
     levels = np.unique(y)
-    if not FEW <= len(levels) <= LEVELS * len(y):
+    levels = levels[np.diff(levels, prepend=-np.inf) > SAME * float(levels[-1] - levels[0])] if len(levels) else levels
+    step = _grid(levels) if len(levels) >= FEW else None
+    if step is None:
         return None
-    step = float(np.min(np.diff(levels)))
-    whole = (levels - levels[0]) / step
     moves = np.abs(np.diff(y)) / step
     moves = moves[moves > 0.5]
-    coarse = step > COARSE * float(levels[-1] - levels[0])
-    even = float(np.max(np.abs(whole - np.round(whole)))) < EVEN * len(levels)
-    return step if coarse and even and len(moves) >= OFTEN * len(levels) and float(np.median(moves)) <= NEAR else None
+    far = len(moves) == 0 or float(np.median(moves)) > NEAR
+    if step > COARSE * float(levels[-1] - levels[0]):
+        often = len(moves) >= OFTEN * len(levels) or (len(levels) >= SURE and _stays_unevenly(y, step))
+        return step if len(levels) <= LEVELS * len(y) and often and not far else None
+    alike = float(np.max(np.unique(np.round(np.abs(np.diff(y)) / step), return_counts=True)[1])) if len(y) > 1 else 0.0
+    if alike > RAMP * len(y):
+        return None
+    return step if len(levels) >= SURE and len(moves) >= (QUICK if far else MOVES) * len(y) else None
+
+
+def _stays_unevenly(y: np.ndarray, step: float) -> bool:
+    """Whether some levels are held much longer than others, as by a smooth signal; a program of levels holds each as long."""
+    stays = np.diff(np.flatnonzero(np.abs(np.diff(y)) > 0.5 * step))
+    return len(stays) > 1 and float(np.std(stays)) > UNEVEN * float(np.mean(stays))
+
+
+def _grid(levels: np.ndarray) -> float | None:
+    """The step of an even grid on which levels (m,), in rising order, lie; None where they lie on none."""
+    apart = np.diff(levels)
+    whole = np.concatenate([[0.0], np.cumsum(np.round(apart / float(np.min(apart))))])
+    step = float(levels[-1] - levels[0]) / float(whole[-1])
+    off = (levels - levels[0]) / step - whole
+    return step if float(np.sqrt(np.mean(off**2))) < EVEN else None

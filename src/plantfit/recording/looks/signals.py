@@ -7,6 +7,7 @@ import scipy  # scipy.special is loaded at its first use
 
 from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
+from plantfit.recording.looks.refreshed import refreshed_look
 from plantfit.recording.record import Recording
 
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
@@ -87,6 +88,8 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             "quantised", "info", recording.name, name, f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
             f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
         )  # fmt: skip
+    if (refreshed := refreshed_look(recording, name)) is not None:
+        yield refreshed
     yield from _spikes(recording, name, values, times, unit)
 
 
@@ -156,14 +159,17 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
         sentence = (
             f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed from {y} (closed "
-            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md."
+            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md. "
+            f"A filter before {u}, or {y} smoothed over later samples, looks the same."
         )
         figures["late"] = shift
     else:
         write = ""
         sentence = (
-            f"{told_of}seems to be computed from {y} (closed loop), or to be read with noise, so that {y} knows it better. Both pull the "
-            f"parameters. For a loop see docs/closed-loop.md, or estimate with a Kalman filter; smooth a noisy {u} in a cleaning step."
+            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was read with noise, through a filter or "
+            f"too seldom, or {y} was smoothed or interpolated over later samples. All of that pulls the parameters. For a loop see "
+            "docs/closed-loop.md, or estimate with a Kalman filter; else take both as they were read, smooth a noisy "
+            f"{u} in a cleaning step, and sample faster what moves between samples."
         )
     return Look(
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write, figures, other=y

@@ -14,7 +14,7 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
-from plantfit.trust.diagnosis.plant.slow_drift import Drifting
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, promising, refitted, tried
 
 RIVALS = 3  # of an earlier finding that are tried in its place
@@ -36,7 +36,8 @@ class Diagnosis:
     better in its place then. `evaluations` of the cost were spent. It is `whole` where
     the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found. `disturbed` is
     the fit beside a disturbance that wanders, where what the model or what was found leaves is one, `drifting` that beside slow drifts;
-    `curves` are for the study file, of what wanders or drifts or of what was asked for."""
+    `curves` are for the study file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all
+    that was found."""
 
     carrier: Carrier
     base: Fitted
@@ -52,6 +53,7 @@ class Diagnosis:
     disturbed: Disturbed | None = None
     drifting: Drifting | None = None
     curves: tuple[Curve, ...] = ()
+    rival: Rival | None = None
 
     @property
     def beside(self) -> tuple[Extension, ...] | None:

@@ -122,9 +122,15 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
 
 
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """That what a diagnosis finds beside a sensor that seems stuck may stand for that; nothing where it finds nothing."""
+    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing where it finds none."""
+    if not (found.found or found.disturbed is not None or found.drifting is not None):
+        return
+    seldom = some(list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""])
+    if seldom:
+        text = f"{seldom} was read more seldom than it was recorded, and what is said of what may be missing may stand for that: keep the "
+        yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
     outputs = some(list(dict.fromkeys(look["signal"] for look in findings.get("data", ()) if look["kind"] == "stuck")) or [""])
-    if outputs and (found.found or found.disturbed is not None or found.drifting is not None):
+    if outputs:
         text = f"{outputs} may have been stuck, and what is said of what may be missing may stand for that: take those samples out first, "
         yield say("warning", f"{text}as the look at {outputs} says, and run again.")
 

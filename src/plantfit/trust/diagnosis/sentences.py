@@ -15,7 +15,7 @@ from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
 from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
-from plantfit.trust.diagnosis.plant.slow_drift import Drifting
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
 from plantfit.trust.diagnosis.rounds import Round, Trial
 from plantfit.trust.diagnosis.treatment import addition_lines, changed, outliers_taken
@@ -94,6 +94,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                 )
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
+    if d.rival is not None:
+        yield _rivalled(d, d.rival)
     if d.carrier.meter.stopped and d.rounds:
         first = d.rounds[0]
         tried, every = len(first.trials), len(first.trials) + len(first.untried)
@@ -134,6 +136,8 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     much = _stands_for_more(d)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
+    if d.rival is not None:
+        return "possibly"
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
@@ -157,6 +161,19 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += f", and {others} it as well: one of them is {likely} missing, and this record cannot tell which."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
+
+
+def _rivalled(d: Diagnosis, found: Rival) -> Sentence:
+    """A slow drift that may be all of it."""
+    y = found.drift.output
+    moved = with_unit(found.drift.moves, plain_unit(difference_of(d.carrier.given.model.outputs[y])))
+    that = "that" if len(d.end.additions) == 1 else "all of that"
+    text = (
+        f"A slow drift of {y}, a curve in time that moves by up to {moved}, explains {_percent(found.explains)} of what is left by itself, "
+        f"as well as {that}: this record does not tell which. What comes back when the record is repeated is no drift. Try it by "
+        f'--try "slow drift of {y}".'
+    )
+    return say("warning", text, explained=found.explains)
 
 
 def _figures(d: Diagnosis, t: Trial) -> str:

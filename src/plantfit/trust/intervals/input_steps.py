@@ -7,7 +7,7 @@ elsewhere, 16 times over a step (`recording/signals/unrounded.py`). The squares 
 are the variance that steps add.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,9 @@ from plantfit.trust.looks.input_steps import InputSteps, input_steps, step_looks
 PLACES = 16  # of the steps, at which readings are made
 NOTICED = 1.05  # times a standard error from which on steps are allowed for
 TOLD = 1.25  # times it from which on they are spoken of
+FIRST, NEAR = 4, 0.3  # readings that are made first, and the share of a noticed move from which on all are made
+REFUTED = 0.2  # of the correlation that steps leave, two standard errors above what residuals show: the plant got what was read
+LAGS = 50  # samples over which the correlation of residuals is looked at
 RCOND = 1e-12  # of the largest singular value: directions below are open
 
 Row = dict[str, Any]
@@ -42,7 +45,11 @@ def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequ
     places = {n: i for i, n in enumerate(problem.space.names)}
     if not steps or not any(_bounded(row) for row in rows):
         return plain, []
+    if not _may_matter(rows, places, moves(problem, z, local, steps, FIRST).values):
+        return plain, []
     moved = moves(problem, z, local, steps)
+    if moved.shown + 2.0 * moved.error < REFUTED and not any(s.told for s in steps):
+        return plain, []
     wider = [_wider(row, problem, local, places[row["name"]], moved.values) if row["name"] in places else row for row in plain]
     times = max(w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row))
     return wider if times > NOTICED else plain, step_looks(problem, steps, moved.left) if times > TOLD else []
@@ -61,14 +68,23 @@ def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | 
 
 class Moves(NamedTuple):
     """What steps do, root mean square over other readings: to the `values` (d,) in their units, and to the residuals, where `left` is
-    the mean square that the parameters do not take in, over that of the residuals."""
+    the mean square that the parameters do not take in, over that of the residuals. Which share of the correlation that it has from sample
+    to sample the residuals have, is `shown`, with the standard `error` of that where the plant got what was read."""
 
     values: np.ndarray
     left: float
+    shown: float
+    error: float
 
 
-def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps]) -> Moves:
-    """By how much steps move the values and the residuals; parameters that a bound holds do not move."""
+def _may_matter(rows: Sequence[Row], places: Mapping[str, int], moved: np.ndarray) -> bool:
+    """Whether moves (d,) of few readings come near what would be noticed."""
+    least = NEAR * np.sqrt(NOTICED**2 - 1.0)
+    return any(_bounded(row) and row["name"] in places and moved[places[row["name"]]] > least * row["standard_error"] for row in rows)
+
+
+def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps], count: int = PLACES) -> Moves:
+    """By how much steps move the values and the residuals, of so many other readings; parameters that a bound holds do not move."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     j = np.where([b is None for b in local.at_bound], jacobian / norms, 0.0)
@@ -78,18 +94,37 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     rows: dict[str, list[slice]] = {}
     for name, _, block in named_blocks(problem):
         rows.setdefault(name, []).append(block.rows)
-    squares, left = np.zeros(len(z)), 0.0
+    blocks = [at for own in rows.values() for at in own]
+    squares, left, expected = np.zeros(len(z)), 0.0, np.zeros(LAGS + 1)
     for signal in dict.fromkeys(s.signal for s in steps):
         read = {
-            s.recording: reread(recordings[s.recording], signal, s.size, PLACES, s.kind == "counted") for s in steps if s.signal == signal
+            s.recording: reread(recordings[s.recording], signal, s.size, count, s.kind == "counted") for s in steps if s.signal == signal
         }
-        for k in range(PLACES):
+        for k in range(count):
             there = np.asarray(problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z))
             for own in rows.values():  # each recording errs by itself
-                squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / PLACES
+                squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / count
             change = there - residuals
-            left += float(np.sum((change + (j * norms) @ (solve @ change)) ** 2)) / PLACES
-    return Moves(np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300))
+            rest = change + (j * norms) @ (solve @ change)
+            left += float(np.sum(rest**2)) / count
+            expected += _products(rest, blocks) / count
+    shown, error = _share(_products(residuals, blocks), expected, len(residuals))
+    return Moves(np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300), shown, error)
+
+
+def _products(series: np.ndarray, blocks: Sequence[slice]) -> np.ndarray:
+    """Sums of products of samples that are 0, 1, .. `LAGS` apart, over all blocks of a series (n,)."""
+    found = np.zeros(LAGS + 1)
+    for own in (series[at] for at in blocks):
+        for k in range(min(LAGS + 1, len(own))):
+            found[k] += float(own[: len(own) - k] @ own[k:])
+    return found
+
+
+def _share(seen: np.ndarray, expected: np.ndarray, count: int) -> tuple[float, float]:
+    """Which share of the correlation that steps leave in residuals is seen there, and its standard error where they leave none."""
+    weight = max(float(expected[1:] @ expected[1:]), 1e-300)
+    return float(expected[1:] @ seen[1:]) / weight, seen[0] / np.sqrt(weight * max(count, 1))
 
 
 def _bounded(row: Row) -> bool:

@@ -11,6 +11,9 @@ from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.recording.looks.rounded import rounded_step
+from plantfit.trust.validate.residual_tests import white_part
+
+HEARD = 0.3  # times the noise of an output, from which on steps are spoken of before a fit
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,29 @@ def input_steps(problem: Problem) -> list[InputSteps]:
 def misread(e: Experiment, s: InputSteps) -> float:
     """The error (rms) of single readings of an input that is even within its steps."""
     return s.size / np.sqrt(12.0) if s.kind == "rounded" else s.size / float(np.median(np.diff(e.recording.t))) / np.sqrt(6.0)
+
+
+def telling(problem: Problem, steps: Sequence[InputSteps]) -> list[InputSteps]:
+    """Those steps that may move parameters beside the noise of the outputs, as far as it can be told before a fit; all that were told.
+
+    A step is an error that stays for as long as a reading does; the plant is taken to follow its input over the range of both.
+    """
+    return [s for s in steps if s.told or s.kind == "counted" or _beside_noise(problem, s) > HEARD]
+
+
+def _beside_noise(problem: Problem, s: InputSteps) -> float:
+    """The error of readings at an output, averaged as long as one reading stays, over the noise that is averaged as long."""
+    e = problem.experiments[s.recording]
+    u = e.recording[s.signal]
+    u = u[np.isfinite(u)]
+    stays = len(u) / (1.0 + np.count_nonzero(np.diff(u)))
+    error = misread(e, s) * np.sqrt(stays) / max(float(np.ptp(u)), 1e-300)
+    found = 0.0
+    for y in (e.recording[o] for o in problem.outputs):
+        y = y[np.isfinite(y)]
+        if len(y) > 2:
+            found = max(found, error * float(np.ptp(y)) / max(white_part(y), 1e-300))
+    return found
 
 
 def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None = None) -> list[Look]:
@@ -86,4 +112,4 @@ def as_commanded(signal: str) -> str:
     return f"rounded = {{ {signal} = 0 }}"
 
 
-__all__ = ["InputSteps", "as_commanded", "input_steps", "misread", "step_looks"]
+__all__ = ["InputSteps", "as_commanded", "input_steps", "misread", "step_looks", "telling"]

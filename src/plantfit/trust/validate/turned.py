@@ -10,6 +10,10 @@ FEWEST = 150  # samples
 BLOCKS = 20  # of the record, at whose ends a part is looked for first
 AGAINST = 0.8  # correlation in the part, negative, and elsewhere, at least
 MOVES = 4  # times that the simulation passes its mean in the part, and elsewhere, at least
+STIRS = 0.2  # of its spread elsewhere: a simulation that moves less in the part tells no sign
+BESIDE = 0.5  # of the samples in the part, at levels that the simulation has elsewhere, too
+ROUNDS = 3  # of fitting the rest and placing the part anew
+MISSED = 0.25  # of the variance in the part, which the mirrored rest may miss where the simulation passes its mean less often
 SHORT = 0.1  # of the record: no part is shorter
 
 
@@ -39,14 +43,49 @@ def turned(t: np.ndarray, measured: np.ndarray, simulated: np.ndarray) -> Turned
         begin = max(range(max(0, begin - wide), min(end, begin + wide + 1), step), key=lambda b: plain(b, end))
     if end < n:
         end = max(range(max(begin + 1, end - wide), min(n, end + wide + 1), step), key=lambda e: plain(begin, e))
-    parts = x[begin:end], np.concatenate([x[:begin], x[end:]])
-    if plain(begin, end) < AGAINST or min(map(_passes, parts)) < MOVES:
+    part = np.zeros(n, dtype=bool)
+    part[begin:end] = True
+    if plain(begin, end) < AGAINST:
         return None
+    if min(_passes(x[part]), _passes(x[~part])) < MOVES:
+        if (placed := _mirrored(measured, simulated, part)) is None or plain(*placed) < AGAINST:
+            return None
+        begin, end = placed
     inside = sums[end] - sums[begin]
     return Turned(
         begin=float(t[begin]), end=float(t[end - 1]), within=_correlation(inside, end - begin),
         elsewhere=_correlation(sums[n] - inside, n - (end - begin)),
     )  # fmt: skip
+
+
+def _mirrored(y: np.ndarray, x: np.ndarray, part: np.ndarray) -> tuple[int, int] | None:
+    """The samples (begin, end) where the rest of the record foretells y (n,) with the sign of y, or of what moves it, turned round.
+
+    They are looked for near a `part` (n,) bool; None where the rest does not foretell it so.
+    """
+    for _ in range(ROUNDS):
+        slope, level = np.polyfit(x[~part], y[~part], 1)
+        if slope <= 0.0:
+            return None
+        with_it = (y - slope * x - level) ** 2
+        against = min(((y + slope * x + sign * level) ** 2 for sign in (1.0, -1.0)), key=lambda squares: float(np.sum(squares[part])))
+        begin, end = _largest(with_it - against)
+        part = np.zeros(len(y), dtype=bool)
+        part[begin:end] = True
+        if not SHORT * len(y) <= end - begin <= (1.0 - SHORT) * len(y) or np.std(x[part]) < STIRS * np.std(x[~part]):
+            return None
+    beside = (x[part] >= np.min(x[~part])) & (x[part] <= np.max(x[~part]))
+    if np.mean(beside) < BESIDE:  # a plant whose response has a valley looks the same
+        return None
+    return (begin, end) if np.mean(against[part]) <= MISSED * np.var(y[part]) else None
+
+
+def _largest(gains: np.ndarray) -> tuple[int, int]:
+    """The stretch (begin, end) of a series (n,) with the largest sum."""
+    sums = np.concatenate([[0.0], np.cumsum(gains)])
+    least = np.minimum.accumulate(sums)
+    end = int(np.argmax(sums - least))
+    return int(np.argmin(sums[: end + 1])), end
 
 
 def _passes(x: np.ndarray) -> int:

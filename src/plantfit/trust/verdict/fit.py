@@ -297,7 +297,9 @@ def _one(findings: Findings) -> str:
 def _allow(findings: Findings) -> str:
     """What standard errors make of correlated residuals."""
     classical = findings.get("standard_errors", {}).get("kind") == "classical"
-    return 'do not allow for it (standard_errors = "robust" does)' if classical else "allow for it"
+    if classical:
+        return 'do not allow for it (standard_errors = "robust" does)'
+    return "allow for it" if (findings.get("determined") or {}).get("sound", True) else "cannot allow for all of it"
 
 
 def _follows(c: Mapping[str, Any]) -> bool:
@@ -356,6 +358,8 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         "."
         if known["named"] or (known["tried"] and not left)
         else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
+        if left and (findings.get("determined") or {}).get("sound", True)
+        else f"; whether it depends on {some(left)} or moves by itself, so few independent samples do not tell."
         if left
         else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
         if row["cross"] and all(_unmoved(c) for c in row["cross"].values()) and not _disagree(findings)

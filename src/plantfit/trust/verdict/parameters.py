@@ -20,7 +20,10 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings))
-    yield from _unsound(findings.get("determined"), sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit"))
+    if not (findings.get("determined") or {}).get("sound", True):
+        fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
+        yield _unsound(findings["determined"], fitted, [p for p in single if p["status"] == "weak"])
+        single = [_without_ends(p) for p in single if p["status"] != "weak"]
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
     yield from table_sentences(entries, findings.get("tables", ()))
@@ -87,20 +90,34 @@ def _told(p: Row) -> str:
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
 
 
-def _unsound(found: Mapping[str, Any] | None, fitted: int) -> Iterator[Sentence]:
-    """That residuals are too slow, or `fitted` samples too few, for intervals that hold."""
-    if not found or found.get("sound", True):
-        return
+def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row]) -> Sentence:
+    """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, and the ranges of the `weak` rows."""
+    told = "; ".join(_at_least(p) for p in weak[:LISTED]) + (f" and {len(weak) - LISTED} more" if len(weak) > LISTED else "")
+    more = f" The data allow these at least: {told}." if told else ""
     if 0 < fitted < found["of"] + LEAST_FREE:
-        few = f"{fitted} fitted samples are too few for {found['of']} parameters, and the intervals too short"
-        text = f"No parameter is called determined: {few}."
-        yield say("warning", text, samples=fitted)
-        return
-    text = (
-        "No parameter is called determined: the residuals move so slowly that they are worth about "
-        f"{number(found['samples'])} independent samples for {found['of']} parameters, and the intervals are too short."
+        why = f"{fitted} fitted samples are too few for {found['of']} parameters, and intervals may be too short"
+        do = "Give more samples, or free fewer parameters."
+        return say("warning", f"No parameter is called determined: {why}.{more} {do}", samples=fitted)
+    why = (
+        "the residuals move so slowly that they are worth about "
+        f"{number(found['samples'])} independent samples for {found['of']} parameters, and intervals may be too short"
     )
-    yield say("warning", text, samples=found["samples"])
+    do = "Take a longer record, or first add what the model lacks."
+    return say("warning", f"No parameter is called determined: {why}.{more} {do}", samples=found["samples"])
+
+
+def _at_least(p: Row) -> str:
+    """A parameter with an interval that may be too short."""
+    between = _between(p)
+    return f"{p['name']} {between}" if between else _told(p)
+
+
+def _without_ends(p: Row) -> Row:
+    """The row of a parameter as one says it where intervals may be too short: without ends that the data set."""
+    least, most = p.get("limits") or (None, None)
+    if p["status"] == "flat" and p.get("limits"):
+        return {**p, "low": least, "high": most}
+    return {**p, "limits": None} if p["status"] == "at bound" else p
 
 
 def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:

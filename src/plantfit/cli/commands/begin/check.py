@@ -26,11 +26,12 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     z = point(problem, numbers_by_name("--at", at))
     problem, error = steps_and_error(problem, z)
     from plantfit.trust.looks import problem_looks
-    from plantfit.trust.looks.input_steps import input_steps, step_looks
+    from plantfit.trust.looks.input_steps import input_steps, step_looks, telling
 
+    looks = [*problem_looks(problem), *step_looks(problem, telling(problem, input_steps(problem)))]
     record = {
         **_understood(study, problem),
-        "data": [*_of_regression(study), *(look.record for look in (*problem_looks(problem), *step_looks(problem, input_steps(problem))))],
+        "data": [*_of_regression(study), *(look.record for look in looks)],
         **_simulated(problem, z),
         "step_error": error,
     }

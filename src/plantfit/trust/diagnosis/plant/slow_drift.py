@@ -20,6 +20,8 @@ AT_NOISE = 1.3  # times the sample-to-sample noise that may be left beside them
 SLOWER = 0.15  # of the variance of what the plant does that a curve must be unable to follow, or it stands for errors of the model
 FINER = 2.25  # times as many splines beside which parameters are told
 FEWEST = 4  # samples for each spline
+STIFF = (3, 4)  # splines of a curve that may stand for what was found, before those above
+AS_WELL = 2.0  # of the Bayesian information criterion, by which a curve may be worse than what was found and still explain as much
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,14 @@ class SlowDrift:
     output: str
     count: int
     moves: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A `drift` in the place of all that was found, and the share of what the model leaves that it accounts for."""
+
+    drift: SlowDrift
+    explains: float
 
 
 @dataclass(frozen=True)
@@ -75,6 +85,34 @@ def drifting(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndar
         return None
     drifts = tuple(_drift(carrier, fit, curves, y, use) for y in curves.outputs)
     return Drifting(fit.additions, drifts, 1.0 - after / before, _values(carrier, fit, curves, use))
+
+
+def rival(carrier: Carrier, bare: Fitted, end: Fitted, use: np.ndarray) -> Rival | None:
+    """The slow drift of one output that does as well beside the model as it is (`bare`) as all that was found does (`end`), the parameters
+    moving along their derivatives; None where no curve does, or the plant is too slow for one."""
+    r, a = bare.residuals[use], bare.jacobian[np.ix_(use, columns(carrier, bare.additions))]
+    if not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
+        return None
+    price = float(np.log(len(r)))
+    most = len(r) * float(np.log(max(end.cost(use), 1e-300))) + price * (len(end.additions) - len(bare.additions)) + AS_WELL
+    found: list[tuple[float, float, Curves, np.ndarray]] = []
+    for y in carrier.given.outputs:
+        for count in (*STIFF, *SPLINES):
+            curves = _curves(carrier, (y,), count, use)
+            if curves is None or curves.base.shape[1] * FEWEST > np.sum(carrier.rows.output[use] == y):
+                break
+            q = _orthonormal(curves.without(a))
+            left = curves.without(r)
+            left = left - q @ (q.T @ left)
+            square = max(float(left @ left), 1e-300)
+            criterion = len(r) * float(np.log(square)) + price * curves.base.shape[1]
+            if criterion < most and _faster(carrier, bare, curves, use):
+                found.append((criterion, square, curves, np.linalg.lstsq(np.hstack([curves.base, a]), r, rcond=1e-10)[0]))
+    if not found:
+        return None
+    _, square, curves, x = min(found, key=lambda one: one[0])
+    drift = _moved(carrier, curves, curves.base @ x[: curves.base.shape[1]], curves.outputs[0], use)
+    return Rival(drift, 1.0 - square / max(float(r @ r), 1e-300))
 
 
 def evidence_beside_a_drift(carrier: Carrier, base: Fitted, one: Fitted, outputs: Sequence[str], use: np.ndarray) -> float:
@@ -189,8 +227,13 @@ def _of_all(left: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def _drift(carrier: Carrier, fit: Fitted, curves: Curves, output: str, use: np.ndarray) -> SlowDrift:
-    rows, moves = carrier.rows, 0.0
     curve = -(curves.base @ (curves.base.T @ fit.residuals[use]))  # residuals are simulated less measured
+    return _moved(carrier, curves, curve, output, use)
+
+
+def _moved(carrier: Carrier, curves: Curves, curve: np.ndarray, output: str, use: np.ndarray) -> SlowDrift:
+    """The drift of an output that is a curve over the used rows (n,), weighted as residuals are."""
+    rows, moves = carrier.rows, 0.0
     for name in carrier.given.experiments:
         at = rows.part(name, output)
         at = at[use[at]]

@@ -8,7 +8,7 @@ from plantfit.trust.diagnosis.judge import by_output, needed, times_noise
 from plantfit.trust.diagnosis.plant.curves import curve_of
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
-from plantfit.trust.diagnosis.plant.slow_drift import Drifting, drifting, evidence_beside_a_drift
+from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
 from plantfit.trust.diagnosis.rounds import ALIKE
 
 SOME = 1.3  # times the sample-to-sample noise: a disturbance or a linear model is looked at
@@ -28,6 +28,7 @@ class Kind:
 
 def with_unmeasured(course: Course, found: Diagnosis) -> Diagnosis:
     """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves."""
+    found = replace(found, rival=_rival(course, found))
     meter = course.carrier.meter
     if times_noise(course.carrier, found.end, course.apart) <= SOME or not meter.holds(WORK * course.carrier.charge(False)):
         return found
@@ -74,8 +75,17 @@ def _kinds(course: Course) -> tuple[Kind, Kind]:
     )
 
 
+def _rival(course: Course, found: Diagnosis) -> Rival | None:
+    """A slow drift that explains as much as all that was found, where that is more than drifts of one rate."""
+    end = found.end
+    if all(e.kind == "drift" for e in end.additions) or not course.carrier.given.predictor.has_steps:
+        return None
+    return rival(course.carrier, found.base, end, course.use)
+
+
 def _said(course: Course, found: Diagnosis, told: Told) -> Diagnosis:
     given = course.carrier.given
+    found = replace(found, rival=None)  # one of the two is enough
     if isinstance(told, Disturbed):
         return replace(found, disturbed=told, curves=(curve_of(given, told.output, told.walk),))
     return replace(found, drifting=told, curves=tuple(curve_of(given, d.output, least=NODES * d.count) for d in told.drifts))

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
-from plantfit.optimize.local.separable import Block
+from plantfit.optimize.local.separable import Block, usable
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.follow.room import Room
@@ -147,7 +147,7 @@ class Followed:
         """A search of all coordinates from a point (d,)."""
         self.left = max(self.left, 2 * STEPS)
         block = Block(np.arange(len(point)), point, *self._rows(point), tolerance=1e-9, damping=SMALL**2)
-        for _ in range(STEPS if np.isfinite(block.cost) else 0):
+        for _ in range(STEPS if usable(block.residuals, block.jacobian) else 0):
             step, promised = block.step()
             if block.done or promised <= 1e-3 * self.linear.variance:
                 break
@@ -315,7 +315,7 @@ class Followed:
 
         block = Block(places, point[places].copy(), *evaluated(point[places].copy()), tolerance=1e-9, damping=SMALL**2)
         whole["kept"] = whole["tried"]
-        if not np.isfinite(block.cost):
+        if not usable(block.residuals, block.jacobian):
             return None
         settled = not len(places)
         for _ in range(STEPS if len(places) else 0):
