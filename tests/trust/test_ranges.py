@@ -54,6 +54,25 @@ def test_of_a_product_only_the_product_is_determined_in_any_box(scale, most):
     assert "larger budget" not in found.verdict
 
 
+def test_a_ratio_is_told_as_well_as_by_the_fit_in_which_its_divisor_is_known():
+    """It is known to 0.035 % where each alone is open to any factor: by entries of their covariance that would be rounding."""
+    t, rng = np.arange(N) * 0.02, np.random.default_rng(5)
+    y = 3.0 * np.exp(-0.7 * t) + 1e-3 * rng.normal(size=N)
+    record = Recording(t, {"y": Signal(y, None)}, "run")
+    model = equations("x' = -a*x/b\ny = x", states={"x": {"initial": "y"}}, outputs=["y"], parameters=["a", "b"], name="decay")
+    wide = Parameter((1e-3, 1e3), scale="log")
+    errors = []
+    for b in (wide, 2.0):
+        found = fit(Problem(model, record, {"a": wide, "b": b}), seed=1)
+        errors.append(rows(found)["a"]["standard_error"] if b == 2.0 else found.findings["determined"])
+    both, (one,) = errors[0], errors[0]["combinations"]
+    assert one["formula"] == "b/a"
+    assert one["standard_error"] / one["value"] == pytest.approx(errors[1] / 1.4, rel=0.02)
+    known = both["only_if"]["a"]
+    assert known["standard_error"] / known["value"] == pytest.approx(errors[1] / 1.4, rel=0.02)
+    assert both["first_values"] is None
+
+
 def test_of_a_sum_only_the_sum_is_determined():
     found = answer("y = (a + b)*x", lambda x: 2.0 * x, {"a": Parameter((-10.0, 10.0)), "b": Parameter((-10.0, 10.0))})
     assert {rows(found)[n]["status"] for n in "ab"} == {"flat"}

@@ -73,7 +73,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         story.first_section(plain),
         story.cause_section(diagnosis_record(found)),
         story.fuller_section(plain, fuller, ADDED, static[3]["reference"]),
-        story.physics_section(answer, curve, sentences, figures),
+        story.physics_section(fuller, answer, curve, sentences, figures),
         story.controller_section(controller, [code.source, code.header]),
     ]
     page = write_controller_page(controller.typed, controller.curves, file.with_name("gearmotor-tune.html"))

@@ -1,5 +1,6 @@
 """The page of the gear motor: from a first model over what it lacks to a controller, each step with the command that repeats it."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -103,8 +104,10 @@ def fuller_section(plain: Answer, fuller: Answer, added: str, moves_from: float)
     }
 
 
-def physics_section(physics: Answer, curve: Recording, sentences: Sequence[str], figures: Sequence[Mapping[str, Any]]) -> Section:
-    """The physics written out, and what it predicts of a curve that it has not seen."""
+def physics_section(
+    fuller: Answer, physics: Answer, curve: Recording, sentences: Sequence[str], figures: Sequence[Mapping[str, Any]]
+) -> Section:
+    """The physics written out, and what it predicts of a curve that it has not seen; what the section on `fuller` says is not repeated."""
     seen, unseen = scores(physics)
     reached = [
         [f["name"], f"{f['value']:.4g} {f['unit'] or ''}", "" if f["reference"] is None else f"{f['reference']:.4g}", f["source"]]
@@ -115,7 +118,7 @@ def physics_section(physics: Answer, curve: Recording, sentences: Sequence[str],
         "command": "plantfit run gearmotor.toml",
         "sentences": [
             f"Dry friction, the PWM driver and a dead time as equations: RMSE {seen:.2f} deg/s, {unseen:.2f} on the unseen half.",
-            _determined(physics),
+            _determined(physics, _determined(fuller)),
             *sentences,
         ],
         "figures": [
@@ -161,9 +164,12 @@ def controller_section(controller: Controller, files: Sequence[Path]) -> Section
     }
 
 
-def _determined(answer: Answer) -> str:
-    """The sentence of the verdict on the parameters."""
-    return next(v["sentence"] for v in answer.findings["verdict"] if v["sentence"].startswith("The data determine"))
+def _determined(answer: Answer, above: str = "") -> str:
+    """What the verdict says of the parameters; a doubt that stands `above` in the same words is only pointed to."""
+    text = next(v["sentence"] for v in answer.findings["verdict"] if v["sentence"].startswith("The data determine"))
+    values, *doubts = re.split(r"(?<=\.) (?=[A-Z])", text)
+    new = [d for d in doubts if d not in above]
+    return " ".join([values, *new, *(["What is said of the residuals above holds here too."] if len(new) < len(doubts) else [])])
 
 
 def _static_figure(curve: Recording, physics: Answer) -> Figure:

@@ -20,6 +20,7 @@ SUBSETS = 3000  # that are tried at most
 WIDER = 1.2  # times that an interval is wider by measured initial values, from which on it is told
 HEAVY = 0.05  # weight, or weight times reach, of the largest, from which on a parameter belongs to a combination
 POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
+ALIKE = 1e-3  # relative, to which weights are equal
 LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
 MANY = 30  # undetermined parameters from which on nothing is named
 
@@ -105,14 +106,15 @@ def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]
 def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:
     """Of those that the data leave open, which one other has to be known for one to be determined, and its standard error then."""
     result: dict[int, tuple[int, float]] = {}
-    inflation = linear.threshold / linear.quantile**2
+    _, singular, right = np.linalg.svd(linear.rows, full_matrices=False)
+    bread, weights = (right.T / singular**2) @ right, np.eye(len(linear.values))
     for j in loose:
-        others = np.array([k for k in range(len(linear.values)) if k != j])
-        _, singular, right = np.linalg.svd(linear.rows[:, others], full_matrices=False)
-        variance = np.sum((right.T / singular) ** 2, axis=1)
-        for k, v in zip(others.tolist(), variance, strict=True):
-            error = float(np.sqrt(v * inflation[k]) * linear.size[k])
-            if k in loose and error <= ROUGH * abs(linear.values[k]) and error < result.get(k, (0, np.inf))[1]:
+        for k in loose:
+            if k == j:
+                continue
+            # as the fit with x_j held: what of x_k follows from x_j is no longer open
+            error = float(np.sqrt(linear.variance_of(weights[k] - bread[k, j] / bread[j, j] * weights[j])) * linear.size[k])
+            if error <= ROUGH * abs(linear.values[k]) and error < result.get(k, (0, np.inf))[1]:
                 result[k] = (j, error)
     return result
 
@@ -147,7 +149,7 @@ def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], rang
             continue
         if max(_evenness(weights), _evenness(weights * reach[list(subset)])) < HEAVY:
             continue
-        found = _named(linear, cloud, [loose[k] for k in subset], weights, block)
+        found = _named(linear, cloud, [loose[k] for k in subset], weights)
         if found is None:
             continue
         direction = np.zeros(len(loose))
@@ -166,47 +168,55 @@ def _subsets(n: int) -> Iterator[tuple[int, ...]]:
     return (s for size in range(2, min(TOGETHER, n) + 1) for s in choices(range(n), size))
 
 
-def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
     """The product or the sum with these weights of relative changes that is constant over the cloud."""
-    forms = [f for f in (_product(linear, cloud, places, weights, block), _sum(linear, cloud, places, weights, block)) if f is not None]
+    forms = [f for f in (_product(linear, cloud, places, weights), _sum(linear, cloud, places, weights)) if f is not None]
     best = min(forms, key=lambda f: (f.high - f.low) / max(abs(f.value), 1e-300), default=None)
     if best is None or best.high - best.low > 2 * 1.96 * ROUGH * abs(best.value):
         return None
     return best
 
 
-def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
     at = list(places)
     if np.any(linear.values[at] == 0.0) or np.any(cloud[:, at] * linear.values[at] <= 0.0):
         return None
     powers = weights * linear.values[at] / linear.size[at]
-    powers = powers / powers[np.argmax(np.abs(powers))]
-    least = float(weights @ block @ weights) / float(weights @ weights)
+    # of equal powers the last: rounding would choose which of two stands in the denominator
+    powers = powers / powers[np.flatnonzero(np.abs(powers) > (1.0 - ALIKE) * np.max(np.abs(powers)))[-1]]
+    least = _variance(linear, at, weights) / float(weights @ weights)
     for unit in (1.0, 2.0, 3.0, 0.5, 1.5):
         trial = np.array([_nearest(p * unit) for p in powers])
         if np.any(trial == 0.0) or not np.any(np.abs(trial) == 1.0):
             continue
         own = trial * linear.size[at] / linear.values[at]
-        variance = float(own @ block @ own)
+        variance = _variance(linear, at, own)
         if variance / float(own @ own) > max(LOOSE**2 * least, (0.04 * ROUGH) ** 2) or variance > ROUGH**2:
             continue
         trial = trial * np.sign(trial[np.argmax(np.abs(trial) == 1.0)]) if np.sum(trial > 0) == 0 else trial
         values = np.exp(np.sum(np.log(np.abs(cloud[:, at])) * trial, axis=1))
         sign = float(np.prod(np.where(trial % 2 == 1, np.sign(linear.values[at]), 1.0)))
-        return _combination(linear, places, trial, True, sign * values, float(np.sqrt(max(variance, 0.0))))
+        return _combination(linear, places, trial, True, sign * values, float(np.sqrt(variance)))
     return None
 
 
-def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, block: np.ndarray) -> Combination | None:
+def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
     at = list(places)
     factors = weights / linear.size[at]
-    factors = factors / factors[np.argmax(np.abs(weights))]
+    factors = factors / factors[np.flatnonzero(np.abs(weights) > (1.0 - ALIKE) * np.max(np.abs(weights)))[0]]
     factors = np.array([float(np.round(f)) if f and abs(f - np.round(f)) < 5e-4 * abs(f) else float(f"{f:.3g}") for f in factors])
     values = cloud[:, at] @ factors
     if values[0] == 0.0:
         return None
     own = factors * linear.size[at]
-    return _combination(linear, places, factors, False, values, float(np.sqrt(max(own @ block @ own, 0.0))) / abs(values[0]))
+    return _combination(linear, places, factors, False, values, float(np.sqrt(_variance(linear, at, own))) / abs(values[0]))
+
+
+def _variance(linear: Linear, places: Sequence[int], weights: np.ndarray) -> float:
+    """Of the sum of relative changes of parameters `places` with these weights."""
+    whole = np.zeros(len(linear.values))
+    whole[list(places)] = weights
+    return linear.variance_of(whole)
 
 
 def _combination(

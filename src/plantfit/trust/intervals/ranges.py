@@ -23,6 +23,7 @@ SLOW = 0.99  # correlation from which on intervals are too short
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MANY = 1e6  # degrees of freedom of a variance that is known
 HALVINGS = 40
+LOOSE = 0.25  # sizes, the standard error of a direction from which on what cancels along it is worked out apart
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Linear:
     the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the sum may grow by.
     `samples`: how many independent ones the residuals are worth; not `sound` where these are too few for intervals that hold.
     `begun` (d,): how many times as large standard errors are because states begin at measured values, which have noise.
+    Where some direction is open, rows of `turn` (d, d) are principal directions, and `turned` (d, d) is the covariance along them.
     """
 
     values: np.ndarray
@@ -48,6 +50,18 @@ class Linear:
     samples: float
     sound: bool
     begun: np.ndarray
+    turn: np.ndarray | None = None
+    turned: np.ndarray | None = None
+
+    def variance_of(self, weights: np.ndarray) -> float:
+        """Of the sum of x with these weights (d,).
+
+        Along an open direction entries of `spread` are a hundred million; what is known to a ten-thousandth would be rounding in them.
+        """
+        if self.turn is None or self.turned is None:
+            return max(float(weights @ self.spread @ weights), 0.0)
+        along = self.turn @ weights
+        return max(float(along @ self.turned @ along), 0.0)
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -118,7 +132,13 @@ def linear_problem(
     _, singular, right = np.linalg.svd(rows, full_matrices=False)
     bread = (right.T / singular**2) @ right
     own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
-    spread = own + begun(j, bread, variance, begins)
+    # along principal directions: by the parameters, of which open directions make `bread` large, it would be rounding
+    along = np.diag(1.0 / singular**2)
+    turned = begun(j @ right.T, along, variance, begins) if begins is not None else np.zeros_like(bread)
+    spread = own + right.T @ turned @ right
+    loose = bool(len(at)) and float(singular[-1]) < 1.0 / LOOSE
+    if loose:
+        turned = turned + sandwich(j @ right.T, residuals, blocks, along, np.eye(len(at)) / FAR**2, variance, free, robust)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
     quantile = float(stdtrit(MANY if known else max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
@@ -130,7 +150,7 @@ def linear_problem(
     threshold = (quantile * longer) ** 2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
         values, size, least, most, rows, rest, spread, threshold, quantile, variance,
-        samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)),
+        samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)), right if loose else None, turned if loose else None,
     )  # fmt: skip
 
 

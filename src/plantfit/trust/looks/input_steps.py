@@ -74,12 +74,14 @@ def _beside_noise(problem: Problem, s: InputSteps) -> float:
 def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None = None) -> list[Look]:
     """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample.
 
-    `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet.
+    `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet. What readings in
+    steps mean is said once.
     """
-    return [_look(problem, s, left) for s in steps]
+    first = next((s for s in steps if s.kind == "rounded"), None)
+    return [_look(problem, s, left, s is first) for s in steps]
 
 
-def _look(problem: Problem, s: InputSteps, left: float | None) -> Look:
+def _look(problem: Problem, s: InputSteps, left: float | None, first: bool) -> Look:
     recording = problem.experiments[s.recording].recording
     values, t = recording[s.signal], recording.t
     own = recording.signals[s.signal].unit
@@ -93,14 +95,13 @@ def _look(problem: Problem, s: InputSteps, left: float | None) -> Look:
     ends = float(t[0]), float(t[-1])
     if s.kind == "counted":
         text = (
-            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves. Where they lie "
+            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves; where they lie "
             f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %."
         )
         return Look("counted", "info", *place, text, *ends, "", figures)
     seen = "" if s.told else ", or so it looks"
-    text = (
-        f"{s.signal} was read in steps of {s.size:.4g}{unit}, {100 / max(whole, 1.0):.2g} % of its range{seen}. "
-        "A plant is driven by what was there, not by what was read."
+    text = f"{s.signal} was read in steps of {s.size:.4g}{unit}, {100 / max(whole, 1.0):.2g} % of its range{seen}." + (
+        " A plant is driven by what was there, not by what was read." if first else ""
     )
     if not s.told:
         text += f" If {s.signal} was commanded and not measured, write {as_commanded(s.signal)}."

@@ -2,9 +2,10 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,22 +60,23 @@ def posterior(
 
     begin = np.clip(z, INSIDE, 1.0 - INSIDE)
     origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors)
-    density = _density(problem, noises, priors, origin, axes)
+    # records and noise are arguments of the compiled programs: those of another record of this shape are found in the cache
+    density, given = _density(problem, noises, priors), _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises))
     key = jax.random.key(seed)
     start_key, warm_key, draw_key = jax.random.split(key, 3)
     positions = jax.random.normal(start_key, (chains, len(z)))
-    warm = blackjax.window_adaptation(blackjax.nuts, density, max_num_doublings=DOUBLINGS)
     total = WARM + draws
     tell(0, total)
 
-    def adapted(key: Any, position: Any) -> Any:
+    def adapted(given: _Given, key: Any, position: Any) -> Any:
+        warm = blackjax.window_adaptation(blackjax.nuts, partial(density, given), max_num_doublings=DOUBLINGS)
         (state, found), _ = warm.run(key, position, num_steps=WARM)
         return state, found["step_size"], found["inverse_mass_matrix"]
 
-    states, steps, metrics = jax.jit(jax.vmap(adapted))(jax.random.split(warm_key, chains), positions)
+    states, steps, metrics = jax.jit(jax.vmap(adapted, (None, 0, 0)))(given, jax.random.split(warm_key, chains), positions)
 
-    def some(keys: Any, state: Any, step: Any, metric: Any) -> Any:
-        kernel = blackjax.nuts(density, step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS)
+    def some(given: _Given, keys: Any, state: Any, step: Any, metric: Any) -> Any:
+        kernel = blackjax.nuts(partial(density, given), step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS)
 
         def one(state: Any, key: Any) -> Any:
             state, info = kernel.step(key, state)
@@ -82,12 +84,12 @@ def posterior(
 
         return jax.lax.scan(one, state, keys)
 
-    many = jax.jit(jax.vmap(some))
+    many = jax.jit(jax.vmap(some, (None, 0, 0, 0, 0)))
     tell(WARM, total)
     found, done = [], 0
     while done < draws:
         keys = jax.vmap(lambda k: jax.random.split(k, CHUNK))(jax.random.split(jax.random.fold_in(draw_key, done), chains))
-        states, out = many(keys, states, steps, metrics)
+        states, out = many(given, keys, states, steps, metrics)
         found.append([np.asarray(o) for o in out])
         done += CHUNK
         tell(min(WARM + done, total), total)
@@ -99,30 +101,46 @@ def posterior(
     return Draws(values, log_density, np.asarray(potential_scale_reduction(split)), np.asarray(effective_sample_size(split)), diverged)
 
 
+class _Given(NamedTuple):
+    """Numbers of a density: origin (d,) and axes (d, d) of its scale, the problem's recordings, rows of residuals for each output."""
+
+    origin: Any
+    axes: Any
+    arguments: Any
+    rows: Any
+    lagged: Any
+
+
+def _places(noises: Sequence[OutputNoise]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    return [n.rows for n in noises], [n.lagged for n in noises]
+
+
 def _density(
-    problem: Problem, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]], origin: np.ndarray, axes: np.ndarray
-) -> Callable[[jax.Array], jax.Array]:
+    problem: Problem, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]
+) -> Callable[[_Given, jax.Array], jax.Array]:
     """The log density of a position (d,) on the rotated scale; minus infinity where the plant cannot be simulated."""
-    data, arguments = problem.unsmoothed, problem.unsmoothed.arguments
-    evaluate, space = data.compiled["residuals_and_jacobian"], problem.space
-    given = list(noises)
+    evaluate, space = problem.unsmoothed.compiled["residuals_and_jacobian"], problem.space
+
+    def of_residuals(given: _Given, r: jax.Array) -> jax.Array:
+        own = [replace(n, rows=rows, lagged=lagged) for n, rows, lagged in zip(noises, given.rows, given.lagged, strict=True)]
+        return log_likelihood(own, r)
 
     @jax.custom_vjp
-    def likelihood(z: jax.Array) -> jax.Array:
-        return log_likelihood(given, evaluate(z, arguments)[0])
+    def likelihood(z: jax.Array, given: _Given) -> jax.Array:
+        return of_residuals(given, evaluate(z, given.arguments)[0])
 
-    def forward(z: jax.Array) -> Any:
-        r, jacobian = evaluate(z, arguments)
-        value, back = jax.value_and_grad(lambda r: log_likelihood(given, r))(r)
+    def forward(z: jax.Array, given: _Given) -> Any:
+        r, jacobian = evaluate(z, given.arguments)
+        value, back = jax.value_and_grad(partial(of_residuals, given))(r)
         good = jnp.isfinite(value) & jnp.all(jnp.isfinite(jacobian))
         return jnp.where(good, value, -jnp.inf), jnp.where(good, back @ jacobian, 0.0)
 
-    likelihood.defvjp(forward, lambda slope, g: (g * slope,))
+    likelihood.defvjp(forward, lambda slope, g: (g * slope, None))
 
-    def density(u: jax.Array) -> jax.Array:
-        q = origin + axes @ u
+    def density(given: _Given, u: jax.Array) -> jax.Array:
+        q = given.origin + given.axes @ u
         z = jax.nn.sigmoid(q)
-        total = likelihood(z) + jnp.sum(jax.nn.log_sigmoid(q) + jax.nn.log_sigmoid(-q))
+        total = likelihood(z, given) + jnp.sum(jax.nn.log_sigmoid(q) + jax.nn.log_sigmoid(-q))
         if priors:
             values = space.physical(z)
             for k, (mean, deviation) in priors.items():
