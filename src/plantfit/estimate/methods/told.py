@@ -49,7 +49,7 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
         )
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
-        say("info", f"Of {listed(methods)}, {held}{' each' if len(methods) > 1 else ''}.")
+        say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {listed(methods)}, {held}.")
     return told
 
 
@@ -69,7 +69,7 @@ def _memory(memory: Mapping[str, float | None]) -> str:
     shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
     narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
     return (
-        f"neighbouring innovations are correlated ({shown}): intervals of the filter are {narrow}, those of least squares and maximum "
+        f"neighbouring innovations are correlated ({shown}): intervals of filters are {narrow}, those of least squares and maximum "
         "likelihood allow for it."
     )
 
