@@ -11,7 +11,10 @@ NOTHING = 1e-12  # of a scaled cost
 UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
 
 
-SHOOT = "where the plant swings for long, is unstable or tumbles, `shooting = 100` under [search] cuts its record into so many segments"
+SHOOT = (
+    "where the plant swings for long or is unstable, `shooting = 100` under [search]; one that tumbles forgets its start: fit short pieces "
+    "of its record (docs/long-records.md)"
+)
 
 
 def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False) -> Iterator[Sentence]:
