@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import plantfit.runtime  # noqa: F401
-from plantfit.cases.robot.demo import BUDGET, TRUTH, bench
+from plantfit.cases.robot.demo import BUDGET, TRUTH, bench, tuned_on
 from plantfit.cases.robot.speed_loop import PERIOD, SAMPLES, SET_POINT, UPPER, fitness, objective, response
 from plantfit.optimize import minimise
 from plantfit.rig.dc_motor import ROBOT_MOTOR
@@ -94,6 +94,14 @@ def test_kalman_filters_on_the_bench_hold_the_truth_and_smooth(tmp_path):
         assert float(after) < 0.1 * float(measured)
         assert float(smooth) < 0.1 * float(measured)
     assert len(section["figures"]) == 1
+    tails = [v["sentence"].split(": ", 1)[-1].split(", ")[-1] for v in section["verdict"]]
+    assert len(set(tails)) == len(tails)  # what is true of both filters is said once
+
+
+def test_the_last_digits_of_a_fit_do_not_move_what_the_pid_is_tuned_on():
+    other = {name: value * (1 + 1e-6) for name, value in MOTOR.items()}
+    assert tuned_on(other) == tuned_on(MOTOR) != MOTOR
+    assert all(abs(value / MOTOR[name] - 1) < 5e-4 for name, value in tuned_on(MOTOR).items())
 
 
 @pytest.mark.parametrize("gains", [GAINS, (0.0, 12.2, 1e-4), (19.1, 8.6e-4, 0.025)])

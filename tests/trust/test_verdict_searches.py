@@ -101,3 +101,12 @@ def test_only_searches_that_end_near_the_best_cost_are_in_its_valley(costs, best
     assert ("valley" in sentence["sentence"]) == valley
     assert sentence["level"] == ("info" if valley else "warning")
     assert ("give a larger budget" in sentence["sentence"]) == (not valley)
+
+
+def test_where_a_simulation_is_lost_the_sentence_names_shooting():
+    extra = {"basin_hits": 0, "starts": 3}
+    [plain], [lost] = search_sentences(extra), search_sentences(extra, lost=True)
+    assert "give a larger budget." in plain["sentence"]
+    assert "`shooting = 100` under [search]" in lost["sentence"]
+    [repeated] = search_sentences({"basin_hits": 5, "starts": 5}, lost=True)  # a model that cannot, not a search that did not find
+    assert "shooting" not in repeated["sentence"]

@@ -64,7 +64,8 @@ def _found(denoised: Surrogate, methods: Methods, both: Targets, current: Answer
     strays = {row[0]: float(row[1]) for row in tracked["tables"][0]["rows"]}
     rm = next(p for p in current.findings["parameters"] if p["name"] == "Rm")
     return [
-        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 %), which is what the true speed does too.",
+        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 %). Fitted to the record, 95 % intervals of the "
+        f"combinations hold the truth in {raw:.0f} % of cases, fitted to the surrogate in {other:.0f} %. Fit the record.",
         f"The paper's J does not lead to the motor: at its lowest Kb is {methods.best('auto')['Kb']:.3g} V s/rad and the truth is "
         f"{TRUTH['Kb']}; at the true constants J is {methods.truth / lowest:.0f} times as large.",
         f"The binary genetic algorithm's runs end with Rm from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}) at a median J of "
@@ -72,8 +73,6 @@ def _found(denoised: Surrogate, methods: Methods, both: Targets, current: Answer
         f"{int(np.sum(ends['auto'] <= 1.01 * lowest))} of {len(ends['auto'])} runs, and no constants either.",
         f"Speed and voltage determine four combinations of the six constants. With a current sensor {inside} of the {total} constants that "
         f"are determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to {rm['high']:.4g}).",
-        f"Fitted to the record, 95 % intervals of the combinations hold the truth in {raw:.0f} % of cases, fitted to the surrogate in "
-        f"{other:.0f} %. Fit the record.",
         f"A pendubot driven by the identified motor follows its path to {strays['identified']:.2f} degrees rms, with the true constants to "
         f"{strays['true']:.2f}.",
     ]

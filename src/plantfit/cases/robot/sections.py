@@ -140,8 +140,8 @@ def _history(whole: Mapping[str, RunResult], short: Mapping[str, list[RunResult]
             line = {"color": LOOKS[k % len(LOOKS)], "dash": dash, "shape": "hv", "width": 1.6}
             data.append(_line(r.history_evaluations, r.history_cost, label, line))
     layout = style.layout(360 + 10 * len(data), showlegend=True)
-    layout["xaxis"] = style.axis("closed loops", type="log")
-    layout["yaxis"] = style.axis("best fitness so far", type="log", exponentformat="power")
+    spent, costs = (np.concatenate([np.asarray(trace[axis]) for trace in data]) for axis in "xy")
+    layout["xaxis"], layout["yaxis"] = style.log_axis("closed loops", spent), style.log_axis("best fitness so far", costs)
     return {"data": data, "layout": layout}
 
 

@@ -1,6 +1,7 @@
 """What the estimates of several methods say, in sentences."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from plantfit.findings.record import Level
 from plantfit.findings.results.estimated import EstimatedParameter, EstimatesByMethod
@@ -36,29 +37,48 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
         )
     elif at_bound is not None:
         say("info", "The recordings ask for no process noise: least squares and maximum likelihood assume the same here.")
-    for f in record.filters:
-        say("good" if f.nis.consistent else "warning", f"{f.method}: {f.nis.sentence}")
-        strong = {n: r for n, r in f.memory.items() if r is not None and abs(r) > MEMORY}
-        if strong:
-            shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
-            narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
-            say(
-                "warning",
-                f"{f.method}: neighbouring innovations are correlated ({shown}): its intervals are {narrow}, those of least squares and "
-                "maximum likelihood allow for it.",
-            )
+    for methods, (consistent, sentence) in _alike({f.method: (f.nis.consistent, f.nis.sentence) for f in record.filters}):
+        say("good" if consistent else "warning", f"{listed(methods)}: {sentence}")
+    for methods, told_of in _alike({f.method: _memory(f.memory) for f in record.filters}):
+        if told_of:
+            say("warning", f"{listed(methods)}: {told_of}")
     if at_bound:
         say(
             "info",
             f"Held at a bound of its range: {listed(list(at_bound))}; what stands beside it looks better known than it is.",
         )
     known = [p for p in record.parameters if p.truth is not None]
-    for method in record.methods if known else ():
-        holds = {p.name: inside for p in known if (inside := _holds(p, method)) is not None}
-        missed = [name for name, inside in holds.items() if not inside]
-        tail = f", not {listed(missed)}" if missed else ""
-        say("info", f"Of {method}, {len(holds) - len(missed)} of {len(holds)} intervals hold the truth{tail}.")
+    for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
+        say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {listed(methods)}, {held}.")
     return told
+
+
+def _alike(told: Mapping[str, Any]) -> list[tuple[list[str], Any]]:
+    """Names of which the same is told, together, in the order in which they come."""
+    found: dict[Any, list[str]] = {}
+    for name, what in told.items():
+        found.setdefault(what, []).append(name)
+    return [(names, what) for what, names in found.items()]
+
+
+def _memory(memory: Mapping[str, float | None]) -> str:
+    """What correlated innovations do to the intervals of a filter; nothing where they are not correlated."""
+    strong = {n: r for n, r in memory.items() if r is not None and abs(r) > MEMORY}
+    if not strong:
+        return ""
+    shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
+    narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
+    return (
+        f"neighbouring innovations are correlated ({shown}): intervals of filters are {narrow}, those of least squares and maximum "
+        "likelihood allow for it."
+    )
+
+
+def _held(known: Sequence[EstimatedParameter], method: str) -> str:
+    holds = {p.name: inside for p in known if (inside := _holds(p, method)) is not None}
+    missed = [name for name, inside in holds.items() if not inside]
+    tail = f", not {listed(missed)}" if missed else ""
+    return f"{len(holds) - len(missed)} of {len(holds)} intervals hold the truth{tail}"
 
 
 def _holds(p: EstimatedParameter, method: str) -> bool | None:

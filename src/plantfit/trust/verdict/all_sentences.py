@@ -48,7 +48,8 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
 def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
-    yield from search_sentences(best.extra, flat, several)
+    lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
+    yield from search_sentences(best.extra, flat, several, lost)
     yield from agreement_sentences(findings)
 
 

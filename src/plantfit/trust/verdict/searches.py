@@ -11,11 +11,18 @@ NOTHING = 1e-12  # of a scaled cost
 UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
 
 
-def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False) -> Iterator[Sentence]:
+SHOOT = (
+    "where the plant swings for long or is unstable, `shooting = 100` under [search]; one that tumbles forgets its start: fit short pieces "
+    "of its record (docs/long-records.md)"
+)
+
+
+def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
     costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
+    With `lost`, a simulation does not follow its record: segments may find what searches over all of it do not.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
@@ -42,7 +49,8 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool
             optima=optima,
         )
     elif hits < AGREE:
-        yield say("warning", f"{text}: a better one may exist; give a larger budget.", hits=hits, starts=starts, optima=optima)
+        more = f", or, {SHOOT}" if lost else ""
+        yield say("warning", f"{text}: a better one may exist; give a larger budget{more}.", hits=hits, starts=starts, optima=optima)
     elif optima > 1 and unseen > UNSEEN:
         doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
         yield say("warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen)

@@ -83,7 +83,7 @@ def parameters_figure(runs: Sequence[MethodRuns], space: Space, truth: Mapping[s
         jitter = 0.07 * np.sin(np.arange(len(drawn)) * 2.399)  # even, and the same each time
         x = (place[None, :] + jitter[:, None]).ravel()
         colour = palette[r.label][0]
-        data.append(_dots(x, drawn.ravel(), style.plain(r.label), {"color": colour, "size": 3, "opacity": 0.35}))
+        data.append(_dots(x, drawn.ravel(), style.plain(r.label), {"color": colour, "size": 5, "opacity": 0.5}))
         best = {"color": colour, "size": 10, "symbol": "diamond", "line": {"color": style.INK, "width": 1}}
         data.append(_dots(place, share[r.best], f"{style.plain(r.label)}, best run", best))
     true = (np.array([truth[n] for n in names]) - lower) / (upper - lower)

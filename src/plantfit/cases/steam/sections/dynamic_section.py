@@ -210,8 +210,9 @@ def answers_section(
         "Those of the static solution lean against their lower bound, because four constants cannot bend as the record does and "
         "the delay pays for it.",
         "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there is a method's start or chance. "
-        f"DISH and HMS show no pattern in A1 and A2, as in the paper; neither does {last}, which fits best and pushes entries onto their "
-        "bounds: ten steps do not fix 310 numbers, and a low cost says nothing about single entries. CMA-ES keeps the shape of its start.",
+        f"DISH and HMS show no pattern in A1 and A2, as in the paper; nor does the answer of {last}, which fits best and has entries "
+        "on their bounds: ten steps do not fix 310 numbers, and a low cost says nothing about single entries. CMA-ES keeps the shape of "
+        "its start.",
     ]
     return {
         "title": "What the methods found: figures 2 and 5 to 8",
