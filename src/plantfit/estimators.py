@@ -10,9 +10,9 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.errors import ModelError
+from plantfit.errors import ModelError, SpecError
 from plantfit.estimate.estimate import Estimate
-from plantfit.estimate.filters.beliefs import FilterRun
+from plantfit.estimate.filters.beliefs import FilterRun, smoothed
 from plantfit.estimate.filters.kalman import kalman_filter
 from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood
 from plantfit.estimate.filters.noise import Noise
@@ -27,13 +27,14 @@ from plantfit.findings.results.estimated import EstimatesByMethod
 from plantfit.findings.results.result import Result
 from plantfit.fitting import fit
 from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording, Signal
 from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.estimators import estimators_page, estimators_rows, noise_rows
 from plantfit.report.text import columns
 from plantfit.spec.study import Study
 from plantfit.spec.tables import EstimateTable, validated
 from plantfit.spec.wished import table_in, wished
-from plantfit.units import compatible, convert
+from plantfit.units import compatible, convert, difference_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -80,6 +81,34 @@ class Estimators(Result[EstimatesByMethod]):
         text = columns(head, rows, range(1, len(head)))
         head, rows = noise_rows(self.typed, ascii_only=True)
         return f"{text}\n\n{columns(head, rows, range(1, len(head) - 1))}" if rows else text
+
+    def states(self, recording: str | None = None, method: str | None = None) -> Recording:
+        """The states over a recording as signals, filtered and smoothed, each with its standard deviation, in the unit of the state.
+
+        `x_filtered` is what a filter believes of state x after each sample, `x_smoothed` what it believes given all samples (Rauch, Tung,
+        Striebel, AIAA J. 3 (1965) 1445); `x_filtered_error` and `x_smoothed_error` are their standard deviations. What is not known of the
+        parameters that the filter estimates beside the states is in these. The first filter and recording if none is named ("EKF", "UKF", "Kalman filter").
+
+        Raises SpecError where no filter ran, or not over that recording.
+        """
+        if not self.runs:
+            raise SpecError("No filter ran, so there are no states; take ekf, ukf or kalman into the methods.")
+        method = next(iter(self.runs)) if method is None else method
+        if method not in self.runs:
+            raise SpecError(f"No filter {method!r} ran; there are {list(self.runs)}.")
+        runs = self.runs[method]
+        recording = next(iter(runs)) if recording is None else recording
+        if recording not in runs:
+            raise SpecError(f"The {method} did not run over {recording!r}; it ran over {list(runs)}.")
+        run, signals = runs[recording], {}
+        for kind, beliefs in (("filtered", run), ("smoothed", smoothed(run))):
+            spread = np.sqrt(np.sum(beliefs.root**2, axis=2))
+            for i, (name, unit) in enumerate(run.plant.model.states.items()):
+                signals[f"{name}_{kind}"] = Signal(beliefs.mean[:, i], unit)
+                signals[f"{name}_{kind}_error"] = Signal(spread[:, i], difference_of(unit))
+        return Recording(
+            run.t, signals, recording, (f"States by the {method}: filtered, from the samples so far, and smoothed, from all of them.",)
+        )
 
     def report(self, path: str | Path) -> Path:
         """Write the page with the table and how each constant settles in each filter. Raises StoreError."""

@@ -14,6 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
 
 import wandering_plants as lag  # type: ignore[import-not-found]
 
+import plantfit.recording as rec
+
 WHOLE = (
     lag.STUDY
     + """
@@ -78,6 +80,32 @@ def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
     assert "K [K/V]" in again.out
     assert "EKF: The innovations are" in again.out
     assert "initial x:" in again.out  # what was assumed
+
+
+def test_states_are_written_filtered_and_smoothed(bench, capsys, monkeypatch):
+    """Against the plant's true state: bands of two standard deviations hold it, and what comes later makes it better known."""
+    monkeypatch.chdir(bench)
+    said = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "states.csv")
+    assert said.code == 0, said.err
+    assert "States: states.csv" in said.out
+    states, truth = rec.read_csv("states.csv"), lag.record(41, 400, measurement=0.0)["y"]
+    assert states.signals["x_smoothed"].unit == "K"
+    wrong = {}
+    for kind in ("filtered", "smoothed"):
+        off, error = states[f"x_{kind}"] - truth, states[f"x_{kind}_error"]
+        assert 0.9 < np.mean(np.abs(off) < 2 * error) <= 1.0
+        wrong[kind] = np.sqrt(np.mean(off**2))
+    assert wrong["smoothed"] < 0.9 * wrong["filtered"] < 0.9 * 0.05  # sensor noise of 0.05 K
+    assert np.all(states["x_smoothed_error"] <= states["x_filtered_error"] * (1 + 1e-9))
+    again = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "states.csv")
+    assert again.code == 0
+    refused = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "bench.csv")
+    assert refused.code == 10
+    assert "holds no states" in refused.err
+    none = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "maximum likelihood", "--states", "other.csv")
+    assert none.code != 0
+    assert "No filter ran" in none.err
+    assert not Path("other.csv").exists()
 
 
 def test_new_measurements_are_tracked(bench, capsys, monkeypatch):

@@ -110,13 +110,17 @@ def estimate(
     ] = None,
     store: StorePlace = STORE,
     out: Annotated[str | None, typer.Option("--out", "-o", help="Also write an HTML page that shows how each constant settles.")] = None,
+    states: Annotated[
+        str | None,
+        typer.Option("--states", help="Also write a CSV file of the states over each recording, filtered and smoothed, with their errors."),
+    ] = None,
     workers: Workers = None,
     json: Json = False,
 ) -> None:
     """Parameters by maximum likelihood and Kalman filters beside least squares; noise levels, and whether the methods agree."""
     from plantfit.cli.commands.understand import estimators
 
-    estimators.estimate(given, methods or [], store, out, workers, json)
+    estimators.estimate(given, methods or [], store, out, states, workers, json)
 
 
 def sensitivity(
