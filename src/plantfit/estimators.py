@@ -87,7 +87,8 @@ class Estimators(Result[EstimatesByMethod]):
 
         `x_filtered` is what a filter believes of state x after each sample, `x_smoothed` what it believes given all samples (Rauch, Tung,
         Striebel, AIAA J. 3 (1965) 1445); `x_filtered_error` and `x_smoothed_error` are their standard deviations. What is not known of the
-        parameters that the filter estimates beside the states is in these. The first filter and recording if none is named ("EKF", "UKF", "Kalman filter").
+        parameters that the filter estimates beside the states is in these. `method` is "EKF", "UKF" or "Kalman filter"; None takes the
+        first filter and the first recording.
 
         Raises SpecError where no filter ran, or not over that recording.
         """

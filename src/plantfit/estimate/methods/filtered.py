@@ -69,6 +69,7 @@ def filtered(
                     begun = _again(run, problem, begun.estimate, believed, held, names)
                     twice.append(FILTERS[method])
         if begun is None or _too_sure(begun):
+            twice = [name for name in twice if name != FILTERS[method]]  # the run that counts is another
             at = _inside(problem, believed)
             prior, drift = told.spreads(problem, names, at)
             near = _near(problem, at, errors, names)
