@@ -208,7 +208,7 @@ def test_a_sum_of_sines_is_no_feedback(sines):
     for seed in range(20):
         rng = np.random.default_rng(seed)
         parts = rng.uniform([0.3, 0.02, 0.0], [0.8, 0.3, 6.28], (sines, 3))
-        u = sum(a * np.sin(2.0 * np.pi * f * fine + p) for a, f, p in parts)
+        u = np.sum([a * np.sin(2.0 * np.pi * f * fine + p) for a, f, p in parts], axis=0)
         y = lfilter([0.01 / 1.5], [1.0, 0.01 / 1.5 - 1.0], 2.0 * u)[::10] + 0.02 * rng.normal(size=800)
         assert feedback_look(recorded(y, u[::10], t), "u", "y") is None
 

@@ -147,7 +147,7 @@ LAG_SPACE = {"K": Parameter((0.1, 10.0)), "tau": Parameter((0.1, 20.0)), "y0": P
 def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
     """A lag (K 2, tau 1.5 s) driven by a slow signal over a range of 10, read in steps of 0.2 % of it, or commanded in them."""
     rng, fine = np.random.default_rng(seed), np.arange(6000) * 0.01
-    u = sum(a * np.sin(6.28 * f * fine + p) for a, f, p in rng.uniform([0.3, 0.005, 0], [1, 0.05, 6.28], (4, 3)))
+    u = np.sum([a * np.sin(6.28 * f * fine + p) for a, f, p in rng.uniform([0.3, 0.005, 0], [1, 0.05, 6.28], (4, 3))], axis=0)
     u = 10 * (u - u.min()) / np.ptp(u)
     place = rng.uniform()
     read = (np.round(u[::10] / step + place) - place) * step
