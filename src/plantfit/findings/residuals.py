@@ -50,6 +50,8 @@ class ResidualTest(Record):
     white: bool
     """Whether the Ljung-Box test keeps white noise at 1 %."""
     p_value: Number = None
+    first: Number = None
+    """By how much the first measured value, where the simulation begins, seems to be off, where what that leaves is taken off here."""
     shared: str | None = None
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}

@@ -36,6 +36,7 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows,
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.validate.first_value import left_by_first_values
 from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.one_stretch import one_stretch
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
@@ -43,6 +44,8 @@ from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.fit import ROUNDING, TESTED
+
+WHITE = 0.01  # p-value of the Ljung-Box test from which on residuals are white
 
 
 def assess(
@@ -77,7 +80,7 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
-    tests = list(_residual_tests(problem, predictions))
+    tests = list(_residual_tests(problem, predictions, best.x))
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
@@ -166,8 +169,8 @@ def _scores(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]
                 )
 
 
-def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[ResidualTest]:
-    inputs = getattr(problem.model, "inputs", {})
+def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], z: np.ndarray) -> Iterator[ResidualTest]:
+    inputs, begun = getattr(problem.model, "inputs", {}), None
     for name, experiment in problem.experiments.items():
         record, mask = experiment.recording, experiment.mask("fit")
         for output in problem.outputs:
@@ -176,9 +179,15 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
-            own, p_value = whiteness(residual)
+            (own, p_value), first = whiteness(residual), None
+            if p_value <= WHITE and problem.in_time:
+                begun = left_by_first_values(problem, z) if begun is None else begun
+                if (name, output) in begun:
+                    rest = residual - begun[name, output].left[mask][rows]
+                    if (again := whiteness(rest))[1] > WHITE:
+                        residual, (own, p_value), first = rest, again, begun[name, output].off
             stretch, against, there = None, None, np.isfinite(residual)
-            if p_value <= 0.01 and problem.in_time:
+            if p_value <= WHITE and problem.in_time:
                 at = np.flatnonzero(mask)[rows][there]
                 simulated = predictions[name][output][at]
                 against = turned(record.t[at], record[output][at], simulated)
@@ -199,8 +208,9 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 lags_s=(own.lags * period).tolist(),
                 autocorrelation=own.values.tolist(),
                 bound=own.bound,
-                white=bool(p_value > 0.01),
+                white=bool(p_value > WHITE),
                 p_value=p_value,
+                first=first,
                 shared=experiment.shared_errors.get(output),
                 cross=cross,
                 stretch=stretch,

@@ -67,6 +67,10 @@ def whiteness(test: ResidualTest) -> str:
     """Whether the residuals of one output still hold a pattern."""
     small = test.p_value is not None and test.p_value < 1e-6
     p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
+    if test.white and test.first:
+        return (
+            f"White{p} but for what noise of the first value leaves, where the simulation begins; without it the residuals look like noise."
+        )
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
     return (

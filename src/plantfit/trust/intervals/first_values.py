@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,10 +24,25 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
     at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
     where the measurement says.
     """
+    columns = [e.column for e in value_effects(problem, z, blocks)]
+    return np.stack(columns, axis=1) if columns else np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
+
+
+class ValueEffect(NamedTuple):
+    """What one standard deviation of the `noise` of a first measured value, in its unit, does to the residuals: a `column` (m,)."""
+
+    recording: str
+    output: str
+    noise: float
+    column: np.ndarray
+
+
+def value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> list[ValueEffect]:
+    """Of every first value that states begin at, where it can be told; see `first_value_effects`."""
     here = residuals(problem, z)
     keys = [(n, o) for n in problem.data["drive"] for o in problem.outputs if len(problem.data["index"][n][o])]
     rows_of = dict(zip(keys, (b.rows for b in blocks), strict=True))
-    columns = []
+    found = []
     for output in _used(problem, z):
         noise = {n: _noise(here, rows, problem, n, o) for (n, o), rows in rows_of.items() if o == output}
         above, below = (residuals(_moved(problem, output, noise, step), z) for step in (STEP, -STEP))
@@ -35,9 +51,9 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
             for (owner, _), rows in rows_of.items():
                 if owner == name:
                     column[rows] = (above - below)[rows] / (2 * STEP)
-            columns.append(column)
-    found = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
-    return found[:, np.all(np.isfinite(found), axis=0)]
+            if np.all(np.isfinite(column)):
+                found.append(ValueEffect(name, output, noise[name], column))
+    return found
 
 
 def _used(problem: Problem, z: np.ndarray) -> list[str]:

@@ -338,7 +338,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
     where = _where(findings, row)
     if row["white"]:
         rest = "no dynamics are left to explain" if _in_time(findings) else "no pattern is left in the order of the rows"
-        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): {rest}."
+        off = row.get("first")
+        but = f" but for what noise of the first value leaves, where the simulation begins ({number(abs(off))} off)" if off else ""
+        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}){but}: {rest}."
         return say("good", text, p_value=row["p_value"])
     text = (
         f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
