@@ -219,7 +219,8 @@ class Answer:
             own = [s for s in rows if s["output"] == output]
             if own:
                 total = sum(s["n"] for s in own)
-                result[output] = float(np.sqrt(sum(s["n"] * s["rmse"] ** 2 for s in own) / total))
+                squares = [np.nan if s["rmse"] is None else s["n"] * s["rmse"] ** 2 for s in own]  # None: it cannot be simulated there
+                result[output] = float(np.sqrt(sum(squares) / total))
         return result
 
     # how it is shown

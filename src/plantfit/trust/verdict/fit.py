@@ -37,7 +37,34 @@ def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
         yield say(
             "warning", "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second recording."
         )
-    yield from _each_output(findings, unseen, _unseen, _unseens)
+    yield from _each_output(findings, [r for r in unseen if _lost(r)], _lost_one, _lost_many)
+    yield from _each_output(findings, [r for r in unseen if not _lost(r)], _unseen, _unseens)
+
+
+def _lost(row: Row) -> bool:
+    """Whether the simulation of unseen samples is not a number."""
+    return row["rmse"] is None
+
+
+_WHY = "There the model leaves what its equations allow, as the root of a negative level, or grows without bound: it does not hold there."
+
+
+def _lost_one(findings: Findings, row: Row) -> Sentence:
+    """From when on unseen samples cannot be simulated, and why that may be."""
+    text = f"Samples that it has not seen cannot be simulated: {_where(findings, row)} is not a number{_lost_from(findings, row)}. {_WHY}"
+    return say("bad", text)
+
+
+def _lost_many(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    text = f"Samples that it has not seen cannot be simulated in {len(rows)} recordings ({_names(rows)}): {output} is not a number"
+    yield say("bad", f"{text}, in {rows[0]['recording']}{_lost_from(findings, rows[0])}. {_WHY}", recordings=len(rows))
+
+
+def _lost_from(findings: Findings, row: Row) -> str:
+    record = next((r for r in findings["recordings"] if r["name"] == row["recording"]), None)
+    simulated = record["outputs"][row["output"]]["simulated"] if record else ()
+    first = next((t for t, v in zip(record["t"] if record else (), simulated, strict=False) if v is None), None)
+    return "" if first is None else f" from t = {number(first, 4)} s on"
 
 
 def residual_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -156,6 +183,9 @@ def failing(findings: Findings) -> list[str]:
     """Outputs of which the verdict says that the model does not hold on unseen samples."""
     found: dict[str, None] = {}
     for row in findings.get("scores", ()):
+        if row["part"] == "validation" and _lost(row):
+            found[row["output"]] = None
+            continue
         base = _base(findings, row) if row["part"] == "validation" else None
         level = _held_level(row["rmse"] / base) if base else "good"
         if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
