@@ -14,6 +14,7 @@ ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing b
 HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
 TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
 SPARE = 0.5  # samples beyond the parameters that follow them, below which the fit shows nothing
+EXACT, SOLVED = 99.9, 99.99  # percent: unseen samples hold whatever the fitted ones do, and a residual may be the error of a solver
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
@@ -170,8 +171,19 @@ def _alone(findings: Findings, output: str) -> str:
     return text if empty else ""
 
 
-def _held_level(ratio: float) -> str:
-    return "good" if ratio < HOLDS else "warning" if ratio < FAILS else "bad"
+def _held_level(row: Row, ratio: float) -> str:
+    return "good" if ratio < HOLDS or _exact(row) else "warning" if ratio < FAILS else "bad"
+
+
+def _exact(row: Row) -> bool:
+    """Whether the rest is next to nothing beside what an output does, as of a record that was simulated."""
+    return row["fit_percent"] is not None and row["fit_percent"] >= EXACT
+
+
+def _solved(findings: Findings) -> set[tuple[str, str]]:
+    """Recordings and outputs whose fitted samples are followed so closely that what is left may come of what made the record."""
+    rows = [r for r in findings.get("scores", ()) if r["part"] == "fit" and r["fit_percent"] is not None]
+    return {(r["recording"], r["output"]) for r in rows if r["fit_percent"] >= SOLVED}
 
 
 def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
@@ -187,7 +199,7 @@ def failing(findings: Findings) -> list[str]:
             found[row["output"]] = None
             continue
         base = _base(findings, row) if row["part"] == "validation" else None
-        level = _held_level(row["rmse"] / base) if base else "good"
+        level = _held_level(row, row["rmse"] / base) if base else "good"
         if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
             found[row["output"]] = None
     return list(found)
@@ -198,6 +210,7 @@ def lacking(findings: Findings) -> list[str]:
     diagnosis; those not whose record is odd in one stretch."""
     above, named = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR}, _diagnosed(findings)["named"]
     tests = [r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    tests = [r for r in tests if (r["recording"], r["output"]) not in _solved(findings)]
     return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
 
 
@@ -230,7 +243,10 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     if not base:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio = row["rmse"] / base
-    level = _held_level(ratio)
+    level = _held_level(row, ratio)
+    if ratio >= HOLDS and _exact(row):
+        text += f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
+        return say("good", text, rmse=row["rmse"], ratio=ratio)
     words = _drift_ends(findings, row) if level != "good" else None
     if not words and _is_foretold(findings, row, level):
         text += f", {ratio:.2f} times that of the fitted samples, and no more than "
@@ -275,7 +291,7 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = _most_noise(findings, output)
-    ends = [_end(findings, r, _held_level(q), noise) for r, q in zip(rows, ratios, strict=True)]
+    ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, ratios, strict=True)]
     by = {
         end: [r for r, own in zip(rows, ends, strict=True) if own == end]
         for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
@@ -372,6 +388,12 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         but = f" but for what noise of the first value leaves, where the simulation begins ({number(abs(off))} off)" if off else ""
         text = f"The residuals of {where} are white (p = {row['p_value']:.2g}){but}: {rest}."
         return say("good", text, p_value=row["p_value"])
+    if (row["recording"], row["output"]) in _solved(findings):
+        fit = next(
+            r for r in findings["scores"] if r["part"] == "fit" and (r["recording"], r["output"]) == (row["recording"], row["output"])
+        )
+        text = f"The residuals of {where} are not white, but they are {number(100.0 - fit['fit_percent'])} % of what it does: "
+        return say("info", f"{text}the solver or the rounding that made the record may leave as much.", correlation=_next(row))
     text = (
         f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
         f"standard errors {_allow(findings)}, and something systematic is missing"
