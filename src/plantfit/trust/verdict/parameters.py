@@ -117,7 +117,7 @@ def _without_ends(p: Row) -> Row:
     least, most = p.get("limits") or (None, None)
     if p["status"] == "flat" and p.get("limits"):
         return {**p, "low": least, "high": most}
-    return {**p, "limits": None} if p["status"] == "at bound" else p
+    return {**p, "high": None} if p["status"] == "at bound" else p
 
 
 def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
