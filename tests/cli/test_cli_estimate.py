@@ -99,13 +99,29 @@ def test_states_are_written_filtered_and_smoothed(bench, capsys, monkeypatch):
     assert np.all(states["x_smoothed_error"] <= states["x_filtered_error"] * (1 + 1e-9))
     again = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "states.csv")
     assert again.code == 0
-    refused = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "bench.csv")
-    assert refused.code == 10
-    assert "holds no states" in refused.err
-    none = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "maximum likelihood", "--states", "other.csv")
-    assert none.code != 0
-    assert "No filter ran" in none.err
-    assert not Path("other.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("method", "file", "code", "sentence"),
+    [
+        ("maximum likelihood", "other.csv", 7, "no filter is among the methods"),
+        ("ekf", "bench.csv", 10, "holds no states"),
+        ("ekf", "binary.csv", 10, "holds no states"),
+        ("ekf", "binary.csv.gz", 10, "holds no states"),
+        ("ekf", "none/states.csv", 10, "there is no folder none"),
+        ("ekf", ".", 10, "holds no states"),
+    ],
+)
+def test_states_that_cannot_be_are_refused_before_anything_is_computed(bench, capsys, monkeypatch, method, file, code, sentence):
+    monkeypatch.chdir(bench)
+    monkeypatch.setattr("plantfit.estimators.estimate_parameters", None)
+    (bench / "binary.csv").write_bytes(b"\xff\xfe\x00data")
+    (bench / "binary.csv.gz").write_bytes(b"\x1f\x8bdata")
+    before = {f.name: f.read_bytes() for f in bench.iterdir() if f.is_file() and f.suffix in (".csv", ".gz")}
+    said = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", method, "--states", file, "--store", "unused.db")
+    assert said.code == code
+    assert sentence in said.err.replace("\n", " ")
+    assert {f.name: f.read_bytes() for f in bench.iterdir() if f.is_file() and f.suffix in (".csv", ".gz")} == before
 
 
 def test_new_measurements_are_tracked(bench, capsys, monkeypatch):

@@ -5,8 +5,10 @@ import pytest
 from scipy.signal import lfilter, lsim, lti
 
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, whiteness
-from plantfit.trust.verdict.fit import failing, noise_rows, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.outputs import noise_rows
 from plantfit.trust.verdict.parameters import parameter_sentences
+from plantfit.trust.verdict.residuals import residual_sentences
+from plantfit.trust.verdict.unseen import failing, unseen_sentences
 
 
 def findings(measured, simulated, u=None, rmse=1.0, unseen=None, percent=90.0):

@@ -21,7 +21,8 @@ from plantfit.report import render_html
 from plantfit.report.sections.sentences import independence
 from plantfit.spec import load
 from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase
-from plantfit.trust.verdict.fit import noise_sentences, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
+from plantfit.trust.verdict.unseen import unseen_sentences
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from plantfit.trust.assess import _residual_tests, _scores
 from plantfit.trust.finish.descent import descent
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.validate.foretold import CHANCE, deviations, with_foretold
-from plantfit.trust.verdict.fit import unseen_sentences
+from plantfit.trust.verdict.unseen import unseen_sentences
 
 N, NOISE, SEEDS = 100, 0.1, 24
 T = np.arange(N) * 0.5

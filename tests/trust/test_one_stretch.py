@@ -10,7 +10,7 @@ from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.validate.one_stretch import one_stretch
-from plantfit.trust.verdict.fit import noise_sentences, residual_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 N, H = 1500, 0.1
 PLANTS = {"lag": ([2.0], [0.7, 1.0]), "oscillator": ([4.5], [1.0, 1.2, 9.0]), "two lags": ([1.0], [0.5, 1.5, 1.0])}

@@ -10,7 +10,7 @@ from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.validate.turned import turned
-from plantfit.trust.verdict.fit import noise_sentences, residual_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 N = 1500
 T = 0.1 * np.arange(N)

@@ -36,14 +36,14 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows,
 from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
-from plantfit.trust.validate.first_value import left_by_first_values
 from plantfit.trust.validate.foretold import with_foretold
+from plantfit.trust.validate.noisy_start import left_by_first_values
 from plantfit.trust.validate.one_stretch import one_stretch
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.fit import ROUNDING, TESTED
+from plantfit.trust.verdict.outputs import ROUNDING, TESTED
 
 WHITE = 0.01  # p-value of the Ljung-Box test from which on residuals are white
 

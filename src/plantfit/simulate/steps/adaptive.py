@@ -29,7 +29,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
-from plantfit.simulate.steps.exponential import solution
+from plantfit.simulate.steps.exponential import inverse_of_pair, solution
 from plantfit.simulate.steps.steppers import Matrix, dot, drift_of, jacobian_of, plus, times
 from plantfit.simulate.steps.switching.switched import Switching
 
@@ -272,9 +272,7 @@ def _values_of_one(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]
 def _values_of_two(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]:
     """The rational functions of two states, and the exponential ones where they hold: by the divided difference of real eigenvalues, by
     the imaginary part of complex ones; rational ones where both are close together, or both small."""
-    half = 0.5 * jnp.asarray(plus(z[0][0], z[1][1]), dtype=float)
-    det = jnp.asarray(plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0]))), dtype=float)
-    rational = _rational(half, det)
+    rational, half = _rational(z), 0.5 * jnp.asarray(plus(z[0][0], z[1][1]), dtype=float)
 
     def exact() -> tuple[Any, Values]:
         # (trace/2)^2 - det without its cancellation
@@ -288,12 +286,9 @@ def _values_of_two(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]
     return rational, exact
 
 
-def _rational(half: Any, det: Any) -> Values:
-    """(I - 2/3 Z + Z^2/6)^-1 (c' I + g' Z) with Z^2 = trace Z - det I."""
-    trace = 2.0 * half
-    a, b = 1.0 - det / 6.0, trace / 6.0 - 2.0 / 3.0
-    inverse = 1.0 / (a * a + b * (trace - 2.0 / 3.0 * det))  # a^2 + a b trace + b^2 det, without the terms that cancel
-    a, b = a * inverse, b * inverse
+def _rational(z: Matrix) -> Values:
+    """(I - 2/3 Z + Z^2/6)^-1 (c I + g Z), by Z^2 = trace Z - det I."""
+    a, b, trace, det = (jnp.asarray(v, dtype=float) for v in inverse_of_pair(z))
     whole = a + b * trace
     return tuple((c * whole + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0)))
 

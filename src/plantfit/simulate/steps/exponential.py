@@ -120,7 +120,7 @@ def _solver(z: Matrix) -> Callable[..., list[Any]]:
 
 def _of_pair(z: Matrix, shares: Sequence[tuple[float, float]], rows: Sequence[Row]) -> list[Any]:
     """v for two states, with the fewest operations: what M^-1 makes of c y - e Z y / 6 is a sum of y and Z y."""
-    a, b, trace, det = _inverse_of_pair(z)
+    a, b, trace, det = inverse_of_pair(z)
     total: list[Any] = [0.0, 0.0]
     for (c, e), y in zip(shares, rows, strict=True):
         if not _nothing(y):
@@ -132,7 +132,7 @@ def _of_pair(z: Matrix, shares: Sequence[tuple[float, float]], rows: Sequence[Ro
 
 def _pair_solver(z: Matrix) -> Callable[..., list[Any]]:
     """`_solver` of two states, by M^-1 Z = a Z + b det I: what cancels where M is large is not formed."""
-    a, b, trace, det = _inverse_of_pair(z)
+    a, b, trace, det = inverse_of_pair(z)
     own, other, turned = plus(a, times(b, trace)), times(-1.0 / 6.0, times(b, det)), times(1.0 / 6.0, a)
 
     def solved(c: Sequence[float], e: Sequence[float], rows: Sequence[Row]) -> list[Any]:
@@ -152,7 +152,7 @@ def _nothing(y: Row) -> bool:
     return all(isinstance(a, float) and a == 0.0 for a in y)
 
 
-def _inverse_of_pair(z: Matrix) -> tuple[Any, Any, Any, Any]:
+def inverse_of_pair(z: Matrix) -> tuple[Any, Any, Any, Any]:
     """(a, b, trace, det) with M^-1 = (a + b trace) I - b Z: by Z^2 = trace Z - det I, M is a sum of I and Z."""
     trace = plus(z[0][0], z[1][1])
     det = plus(times(z[0][0], z[1][1]), times(-1.0, times(z[0][1], z[1][0])))

@@ -20,8 +20,8 @@ from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.fit import FLOOR as AT_NOISE
-from plantfit.trust.verdict.fit import noise_rows
+from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
+from plantfit.trust.verdict.outputs import noise_rows
 from plantfit.trust.verdict.words import Sentence, say, some, study_file
 
 Findings = dict[str, Any]

@@ -122,7 +122,7 @@ def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[
     # a check loads no scipy where nothing needs it
     from plantfit.trust.intervals.linearised import named_blocks
     from plantfit.trust.validate.spare_samples import spare_of
-    from plantfit.trust.verdict.fit import SPARE
+    from plantfit.trust.verdict.outputs import SPARE
 
     named = named_blocks(own)
     at = np.random.default_rng(key).uniform(0.02, 0.98, (points, problem.space.dimension))

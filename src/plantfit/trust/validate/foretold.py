@@ -10,7 +10,8 @@ from plantfit.findings.recordings import Score
 from plantfit.findings.residuals import ResidualTest
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.linearised import Local, natural_sizes
-from plantfit.trust.verdict.fit import HOLDS, SPARE
+from plantfit.trust.verdict.outputs import SPARE
+from plantfit.trust.verdict.unseen import HOLDS
 
 CHANCE = 0.01  # of a larger error, if the model is right
 MOST = 60  # parameters: beyond, so many simulations take too long

@@ -10,11 +10,13 @@ from plantfit.problem.accuracy.verification import NOTHING
 from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
-from plantfit.trust.verdict.fit import fit_sentences, noise_sentences, residual_sentences, unseen_sentences
+from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.input_steps import input_step_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 from plantfit.trust.verdict.searches import search_sentences
 from plantfit.trust.verdict.stated_errors import uncertainty_sentences
+from plantfit.trust.verdict.unseen import unseen_sentences
 from plantfit.trust.verdict.weights import weight_sentences
 from plantfit.trust.verdict.words import Sentence, say, with_unit
 

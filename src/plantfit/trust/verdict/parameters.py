@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
-from plantfit.trust.verdict.fit import failing, lacking
+from plantfit.trust.verdict.residuals import lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
+from plantfit.trust.verdict.unseen import failing
 from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
 
 Row = Mapping[str, Any]

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 import plantfit as pf
 from plantfit.trust.intervals.linearised import named_blocks
-from plantfit.trust.validate.first_value import left_by_first_values
+from plantfit.trust.validate.noisy_start import left_by_first_values
 
 PERIOD, N = 0.1, 400
 

@@ -1,0 +1,86 @@
+"""What sentences on outputs share: their rows by output, how recordings are named, and the noise of each."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from plantfit.trust.validate.residual_tests import measured_rows, white_part
+from plantfit.trust.verdict.words import FEW, Sentence, some
+
+Findings = Mapping[str, Any]
+Row = Mapping[str, Any]
+GOOD = 80  # percent
+FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
+TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
+ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
+SPARE = 0.5  # samples beyond the parameters that follow them, below which the fit shows nothing
+
+
+def each_output(
+    findings: Findings,
+    rows: Sequence[Row],
+    one: Callable[[Findings, Row], Sentence],
+    many: Callable[[Findings, str, Sequence[Row]], Iterator[Sentence]],
+) -> Iterator[Sentence]:
+    """A sentence for each row, or grouped ones for outputs of more than a few recordings."""
+    for output in dict.fromkeys(r["output"] for r in rows):
+        own = [r for r in rows if r["output"] == output]
+        yield from (one(findings, r) for r in own) if len(own) <= FEW else many(findings, output, own)
+
+
+def place(findings: Findings, row: Row) -> str:
+    """The output of a row, with its recording where there are several."""
+    several = len(findings["recordings"]) > 1
+    return f"{row['output']} of {row['recording']}" if several else row["output"]
+
+
+def recordings_named(rows: Sequence[Row]) -> str:
+    """The recordings of rows, the first few of many."""
+    return some([r["recording"] for r in rows])
+
+
+def shows_nothing(row: Row) -> bool:
+    """Whether as many parameters as samples follow these."""
+    spare = row.get("spare")
+    return spare is not None and spare < SPARE
+
+
+def most_noise(findings: Findings, output: str) -> float | None:
+    """Noise from sample to sample of an output, the most of all recordings."""
+    return max((r["noise"] for r in noise_rows(findings) if r["output"] == output), default=None)
+
+
+def diagnosed(findings: Findings) -> dict[str, bool]:
+    """Whether additions to the model were tried, and whether one was named: then no other sentence guesses at causes."""
+    rounds = (findings.get("diagnosis") or {}).get("rounds", [])
+    return {"tried": bool(rounds), "named": any(r["found"] for r in rounds)}
+
+
+def disagree(findings: Findings) -> bool:
+    """Whether recordings want other parameters: what is left then is no disturbance."""
+    return (findings.get("heterogeneity") or {}).get("agree") is False
+
+
+def in_time(findings: Findings) -> bool:
+    """Whether rows are samples one after another."""
+    return findings.get("standard_errors", {}).get("in_time", True)
+
+
+def noise_rows(findings: Findings) -> Iterator[Row]:
+    """Noise of every output of every recording, and how many times that the residual is."""
+    for record in findings.get("recordings", ()):
+        for name, o in record.get("outputs", {}).items():
+            part = np.array(o["part"]) == "fit"
+            measured = np.array(o["measured"], dtype=float)
+            residual = (measured - np.array(o["simulated"], dtype=float))[part]
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
+                continue  # hardly measured in this recording, or followed exactly
+            noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
+            if np.isfinite(noise) and noise > 0 and rms > 0:
+                yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
+
+
+def is_same(a: Row, b: Row) -> bool:
+    """Whether two rows are of one output of one recording."""
+    return (a["recording"], a["output"]) == (b["recording"], b["output"])

@@ -1,0 +1,193 @@
+"""What the verdict says about residuals and noise, and of which outputs the model lacks something."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from plantfit.trust.verdict.outputs import (
+    FLOOR,
+    Findings,
+    Row,
+    diagnosed,
+    disagree,
+    each_output,
+    in_time,
+    is_same,
+    noise_rows,
+    place,
+    recordings_named,
+)
+from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit
+
+SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
+FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
+SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
+
+
+def residual_sentences(findings: Findings) -> Iterator[Sentence]:
+    """Whether anything is left to explain."""
+    yield from each_output(findings, findings["residual_tests"], _residual, _residuals)
+
+
+def noise_sentences(findings: Findings) -> Iterator[Sentence]:
+    """How far the fit is from the noise floor; where something missing was named, jumps of the residual pass for noise, and the diagnosis
+    says what is left."""
+    if diagnosed(findings)["named"]:
+        return
+    yield from each_output(findings, list(noise_rows(findings)), _noise, _noises)
+
+
+def lacking(findings: Findings) -> list[str]:
+    """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above their noise or named by the
+    diagnosis; those not whose record is odd in one stretch."""
+    above, named = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR}, diagnosed(findings)["named"]
+    tests = [r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
+
+
+def _left_by_a_solver(findings: Findings, row: Row) -> float | None:
+    """Which percentage of what an output does is left, where that is so little that what made the record may leave as much; else None."""
+    fitted = next((r["fit_percent"] for r in findings.get("scores", ()) if r["part"] == "fit" and is_same(r, row)), None)
+    return 100.0 - fitted if fitted is not None and fitted >= SOLVED else None
+
+
+_SOLVER = "the solver or the rounding that made the record may leave as much"
+
+
+def _next(row: Row) -> float:
+    """Correlation from one sample to the next."""
+    return row["autocorrelation"][1] if len(row["autocorrelation"]) > 1 else 0.0
+
+
+def _one(findings: Findings) -> str:
+    return "sample" if in_time(findings) else "row"
+
+
+def _allow(findings: Findings) -> str:
+    """What standard errors make of correlated residuals."""
+    classical = findings.get("standard_errors", {}).get("kind") == "classical"
+    if classical:
+        return 'do not allow for it (standard_errors = "robust" does)'
+    return "allow for it" if (findings.get("determined") or {}).get("sound", True) else "cannot allow for all of it"
+
+
+def _follows(c: Mapping[str, Any]) -> bool:
+    """Whether the residual depends on an input: at one lag, or by a combination of many."""
+    return not c["independent"] or (c.get("explained") or 0.0) > FORETOLD
+
+
+def _unmoved(c: Mapping[str, Any]) -> bool:
+    """Whether a dependence would have been seen, and was not."""
+    explained = c.get("explained")
+    return c["bound"] <= SEEN and explained is not None and explained < UNTOLD
+
+
+def _odd(row: Row, named: bool) -> str:
+    """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named` what may be missing."""
+    if against := row.get("turned"):
+        part = f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves against the simulation"
+        figures = f"correlation {against['within']:.2f}, elsewhere {against['elsewhere']:.2f}"
+        return f"{part} ({figures}): the sign of {row['output']} or of an input may be wrong there"
+    return _lies(row["stretch"]) if row.get("stretch") and not named else ""
+
+
+def _lies(stretch: Mapping[str, Any]) -> str:
+    """Where most of a residual lies, and what to look for there."""
+    first, last = number(stretch["begin"], 4), number(stretch["end"], 4)
+    text = f"{100 * stretch['share']:.0f} % of their squares lie from t = {first} to {last} s"
+    text += f" ({100 * stretch['samples']:.2g} % of the samples)"
+    if stretch.get("gap"):
+        gap = f"a gap of the clock of {number(stretch['gap'])} s, over which inputs are held"
+        return f"{text}, after {gap}: make two recordings of it, cut before and after the gap"
+    what = "lost rows, a jump of the clock, a wrong reading or a disturbance"
+    return f"{text}, where inputs and simulation do what they do elsewhere: look at the record there for {what}"
+
+
+def _residual(findings: Findings, row: Row) -> Sentence:
+    where = place(findings, row)
+    if row["white"]:
+        rest = "no dynamics are left to explain" if in_time(findings) else "no pattern is left in the order of the rows"
+        off = row.get("first")
+        but = f" but for what noise of the first value leaves, where the simulation begins ({number(abs(off))} off)" if off else ""
+        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}){but}: {rest}."
+        return say("good", text, p_value=row["p_value"])
+    if (left := _left_by_a_solver(findings, row)) is not None:
+        text = f"The residuals of {where} are not white, but they are {number(left)} % of what it does: {_SOLVER}."
+        return say("info", text, correlation=_next(row))
+    text = (
+        f"The residuals of {where} are not white (correlation {_next(row):.2f} from one {_one(findings)} to the next); "
+        f"standard errors {_allow(findings)}, and something systematic is missing"
+    )
+    left = [i for i, c in row["cross"].items() if _follows(c)]
+    if row.get("shared") and not left:
+        text = text.removesuffix(", and something systematic is missing")
+        return say(
+            "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
+        )
+    known = diagnosed(findings)
+    if odd := _odd(row, known["named"]):
+        text = text.removesuffix(", and something systematic is missing")
+        return say("warning", f"{text}, and {odd}.", correlation=_next(row))
+    text += (
+        "."
+        if known["named"] or (known["tried"] and not left)
+        else f", and it depends on {', '.join(left)}: the model's response to it is incomplete."
+        if left and (findings.get("determined") or {}).get("sound", True)
+        else f"; whether it depends on {some(left)} or moves by itself, so few independent samples do not tell."
+        if left
+        else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
+        if row["cross"] and all(_unmoved(c) for c in row["cross"].values()) and not disagree(findings)
+        else "."
+    )
+    return say("warning", text, correlation=_next(row))
+
+
+def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    white, patterned = [r for r in rows if r["white"]], [r for r in rows if not r["white"]]
+    small = [(r, left) for r in patterned if (left := _left_by_a_solver(findings, r)) is not None]
+    coloured = [r for r in patterned if not any(r is own for own, _ in small)]
+    if white:
+        where = f"{len(white)} of {len(rows)}" if patterned else f"all {len(rows)}"
+        rest = "no dynamics are left to explain there" if in_time(findings) else "no pattern is left in the order of their rows"
+        text = f"The residuals of {output} are white in {where} recordings: {rest}."
+        yield say("good" if not patterned else "info", text, white=len(white))
+    if small:
+        text = f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "
+        yield say("info", f"{text}{number(max(left for _, left in small))} % of what it does: {_SOLVER}.", recordings=len(small))
+    if coloured:
+        text = (
+            f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings ({recordings_named(coloured)}; "
+            f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
+            f"standard errors {_allow(findings)}, and something systematic is missing."
+        )
+        named = diagnosed(findings)["named"]
+        odd = [r for r in coloured if _odd(r, named)]
+        left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
+        text += f" In {recordings_named(left)} it depends on an input: the model's response to it is incomplete." if left else ""
+        for r in odd[:FEW]:
+            text += f" In {r['recording']} {_odd(r, named)}."
+        text += f" {len(odd) - FEW} more recordings have such a part." if len(odd) > FEW else ""
+        yield say("warning", text, correlation=max(map(_next, coloured)))
+
+
+def _noise(findings: Findings, row: Row) -> Sentence:
+    text = (
+        f"Sample-to-sample noise of {place(findings, row)} is about {with_unit(row['noise'], row['unit'])}; "
+        f"the residual is {row['ratio']:.1f} times that"
+    )
+    floor = row["ratio"] < FLOOR
+    own: Row = next((r for r in findings.get("residual_tests", ()) if is_same(r, row)), {})
+    above = ", most of it in that stretch." if own.get("stretch") else "." if own.get("turned") else ", so a better model could still gain."
+    end = ": the fit is at the noise floor." if floor else above
+    return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
+
+
+def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    above = [r for r in rows if r["ratio"] >= FLOOR]
+    noise, most = max(r["noise"] for r in rows), max(r["ratio"] for r in rows)
+    text = f"Sample-to-sample noise of {output} is about {span([r['noise'] for r in rows], rows[0]['unit'])}; "
+    if above:
+        text += f"in {len(above)} of {len(rows)} recordings ({recordings_named(above)}) the residual is up to {most:.1f} times that: "
+        text += "a better model could still gain."
+    else:
+        text += f"in all {len(rows)} recordings the residual is at most {number(most)} times that: the fit is at the noise floor."
+    yield say("info" if above else "good", text, noise=noise, ratio=most)
