@@ -141,23 +141,33 @@ def test_findings_tell_what_is_odd_about_the_data(tmp_path):
     assert look["sentence"][:30] in page
 
 
+def lagging(u, gain, tau, period):
+    """A first-order plant at rest at first, driven by u (n,) held between samples."""
+    x = np.empty(len(u))
+    x[0] = gain * u[0]
+    for k in range(len(u) - 1):
+        x[k + 1] = gain * u[k] + (x[k] - gain * u[k]) * np.exp(-period / tau)
+    return x
+
+
+def diagnosed_as_a_lag(t, u, y, slowest):
+    """(answer, diagnosis) of a first-order model that begins at the first measured value."""
+    bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (slowest / 500.0, slowest)}}
+    model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
+    found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
+    found.findings["reproduction"]["command"] = "plantfit run tank.toml"
+    return found, found.diagnose()
+
+
 @pytest.mark.parametrize("stuck", [0, 60, 90])
 @pytest.mark.parametrize("seed", range(3))
 def test_beside_a_sensor_that_was_stuck_no_addition_is_proposed(seed, stuck):
     """The truth is a first-order plant; nothing is missing but the samples of the sensor."""
     rng, n = np.random.default_rng(seed), 900
     t, u = 0.5 * np.arange(n), np.repeat(rng.uniform(1.0, 6.0, 15), 60)
-    x = np.empty(n)
-    x[0] = 0.8 * u[0]
-    for k in range(n - 1):
-        x[k + 1] = 0.8 * u[k] + (x[k] - 0.8 * u[k]) * np.exp(-0.5 / 40.0)
-    y = x + 0.01 * rng.normal(size=n)
+    y = lagging(u, 0.8, 40.0, 0.5) + 0.01 * rng.normal(size=n)
     y[400 : 400 + stuck] = y[400]
-    bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (1.0, 500.0)}}
-    model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
-    found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
-    found.findings["reproduction"]["command"] = "plantfit run tank.toml"
-    d = found.diagnose()
+    found, d = diagnosed_as_a_lag(t, u, y, 500.0)
     said = [v["sentence"] for v in found.findings["verdict"] if "may have been stuck" in v["sentence"]]
     if stuck:
         assert d is not None
@@ -175,16 +185,8 @@ def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
     for seed in range(2):
         rng, n = np.random.default_rng(seed), 800
         t, u = 0.1 * np.arange(n), np.repeat(rng.uniform(0.0, 5.0, 32), 25)
-        x = np.empty(n)
-        x[0] = 2.0 * u[0]
-        for k in range(n - 1):
-            x[k + 1] = 2.0 * u[k] + (x[k] - 2.0 * u[k]) * np.exp(-0.1 / 1.5)
-        y = np.repeat((x + 0.01 * rng.normal(size=n))[::every], every)
-        bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (0.1, 50.0)}}
-        model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
-        found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
-        found.findings["reproduction"]["command"] = "plantfit run tank.toml"
-        d = found.diagnose()
+        y = np.repeat((lagging(u, 2.0, 1.5, 0.1) + 0.01 * rng.normal(size=n))[::every], every)
+        found, d = diagnosed_as_a_lag(t, u, y, 50.0)
         said = [v["sentence"] for v in found.findings["verdict"] if "was read more seldom than it was recorded" in v["sentence"]]
         if every == 1:
             assert said == []
