@@ -100,7 +100,7 @@ def test_recordings_in_two_zeros_are_refused_where_the_model_has_no_units(room, 
     t = np.arange(30.0)
     recording = pf.Recording(t, {"Ta": pf.Signal(20.0 + np.sin(t), room), "T": pf.Signal(300.0 + 0.0 * t, measured)}, "r")
     if refused:
-        with pytest.raises(EquationError, match="declare both in one unit, to which recordings are converted"):
+        with pytest.raises(EquationError, match=r'declare both in one unit, as in (Ta|x) = "K", to which recordings are converted'):
             Problem(model, recording, {"tau": (1.0, 10.0)})
     else:
         Problem(model, recording, {"tau": (1.0, 10.0)})

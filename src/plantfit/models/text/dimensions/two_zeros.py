@@ -52,8 +52,8 @@ def _check(node: Node, zeros: Mapping[str, Zeros], named: Mapping[str, Unit], va
         return
     raise EquationError(
         f"The difference of {own!r} in {shown(named[own])} and {other!r} in {shown(named[other])} is multiplied or is a rate, and 0 degC "
-        f"is 273.15 K; declare both in one unit, to which recordings are converted. If {other!r} is a difference of temperatures, its "
-        "unit is delta_degC.",
+        f'is 273.15 K; declare both in one unit, as in {own} = "K", to which recordings are converted. If {other!r} is a difference of '
+        "temperatures, its unit is delta_degC.",
         text,
         *node.place,
     )
