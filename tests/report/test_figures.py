@@ -133,3 +133,16 @@ def test_waterfall_is_sorted(record):
     dots = [(x, y) for line in figures.waterfall_figure(record.runs)["data"] for x, y in zip(line["x"], line["y"], strict=True)]
     assert [x for x, _ in sorted(dots)] == list(range(1, 9))
     assert [y for _, y in sorted(dots)] == sorted(y for _, y in dots)
+
+
+def test_long_names_of_categories_stand_in_lines_and_are_no_markup():
+    axis = style.categories(["CMA-ES", "least squares, exact, random starts", "a<b>"])
+    assert axis["tickvals"] == ["CMA-ES", "least squares, exact, random starts", "a&lt;b&gt;"]
+    assert axis["ticktext"] == ["CMA-ES", "least squares,<br>exact, random<br>starts", "a&lt;b&gt;"]
+
+
+@pytest.mark.parametrize(("names", "rows"), [(["PSO", "CGA"], 1), (["least squares, exact, random starts"] * 4, 2), ([], 1)])
+def test_a_legend_of_several_rows_has_room_above(names, rows):
+    plain = style.layout(340)
+    assert style.with_legend(plain, names)["margin"]["t"] == plain["margin"]["t"] + 20 * (rows - 1)
+    assert plain == style.layout(340)

@@ -5,6 +5,8 @@ templates/draw.js replaces by their values, so that figures follow light, dark a
 """
 
 import html
+import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ FIT_ZONE, VALIDATION_ZONE, BOUND_ZONE = "var(--fit-zone)", "var(--validation-zon
 TRACK, WARNING, CLEAR = "var(--track)", "var(--warning)", "rgba(0,0,0,0)"
 SERIES, BANDS = tuple(f"var(--series-{k})" for k in range(1, 7)), tuple(f"var(--band-{k})" for k in range(1, 7))
 SMALL = {"size": 11, "color": MUTED}
+NARROW, WIDE, KEY, ROW = 15, 105, 6, 20  # characters of a name's line, of a legend's row and of a key in it; pixels of a row
 
 
 def layout(height: int, **more: Any) -> dict[str, Any]:
@@ -58,6 +61,18 @@ def log_axis(title: str, values: np.ndarray, **more: Any) -> dict[str, Any]:
         return axis(title, **more)
     decades = np.log10(shown.max() / shown.min())
     return axis(title, type="log", dtick="D2" if decades < 1.5 else max(1, round(decades / 8)), tickformat="~g", **more)
+
+
+def categories(names: Sequence[str], **more: Any) -> dict[str, Any]:
+    """An axis of names, long ones in lines: turned ones take half of a figure."""
+    told = {"tickvals": [plain(n) for n in names], "ticktext": ["<br>".join(map(plain, textwrap.wrap(n, NARROW))) for n in names]}
+    return axis(type="category", tickfont={"size": 12, "color": INK}, **told, **more)
+
+
+def with_legend(layout: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """The layout with room above for a legend of several rows, which would reach into the figure's buttons."""
+    rows = -(-sum(len(n) + KEY for n in names) // WIDE)
+    return {**layout, "margin": {**layout["margin"], "t": layout["margin"]["t"] + ROW * max(0, rows - 1)}}
 
 
 def heading(text: str, x: float, y: float, **more: Any) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def distribution_figure(costs: Mapping[str, Sequence[float]], lines: Mapping[str
     log = _wide(every)
     palette = colours(list(costs))
     layout = style.layout(390, violingap=0.25, boxgap=0.5)
-    layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK})
+    layout["xaxis"] = style.categories(list(costs))
     layout["yaxis"] = _cost_axis(every)
     layout["shapes"], layout["annotations"] = _across(lines, log)
     return {"data": [_distribution(m, np.array(own, dtype=float), palette[m], log) for m, own in costs.items()], "layout": layout}
@@ -71,7 +71,7 @@ def means_figure(title: str, means: Mapping[str, tuple[float, tuple[float, float
             look = {"type": "scatter", "mode": "markers", "marker": {"color": colour, "size": 9}}
         data.append(base | look | {"error_y": error | {"width": 6, "color": style.INK if bars else colour}})
     layout = style.layout(270, annotations=[style.heading(title, 0, 1.02)])
-    layout["xaxis"] = style.axis(type="category", tickfont={"size": 12, "color": style.INK}, range=[-0.6, len(shown) - 0.4])
+    layout["xaxis"] = style.categories(list(shown), range=[-0.6, len(shown) - 0.4])
     layout["yaxis"] = style.axis(tickformat="~g", nticks=6, **({"rangemode": "tozero"} if bars else {}))
     return {"data": data, "layout": layout}
 

@@ -28,7 +28,7 @@ def quartiles_figure(curves: Mapping[str, Quartiles], runs: Mapping[str, int], t
         hover = f"{name}: median %{{y:.5~g}} after %{{x:.4~g}} {unit}<extra></extra>"
         middle = {"y": style.numbers(np.array(curve.median)), "name": name, "line": line}
         data.append(base | middle | {"hoverinfo": "all", "hovertemplate": hover})
-    layout = style.layout(340, showlegend=len(curves) > 1, hovermode="closest")
+    layout = style.with_legend(style.layout(340, showlegend=len(curves) > 1, hovermode="closest"), list(curves))
     layout["xaxis"] = style.log_axis(time, _all(c.at for c in curves.values()))
     layout["yaxis"] = style.log_axis("best cost so far", _all(values for c in curves.values() for values in (c.low, c.high)))
     return {"data": data, "layout": layout}
