@@ -11,7 +11,7 @@ def record(memories, held, sentences=("The innovations are as large as the filte
     filters = [
         FilterOfEstimate(
             method=m, memory={"y": r}, log_likelihood=0.0,
-            nis=InnovationSize(mean=1.0, low=0.9, high=1.1, p=0.5, consistent="as large" in told, sentence=told),
+            nis=InnovationSize(mean=1.0, low=0.9, high=1.1, p=0.5, consistent="expects" in told, sentence=told),
         )
         for m, r, told in zip(("EKF", "UKF"), memories, sentences, strict=True)
     ]  # fmt: skip
