@@ -195,8 +195,14 @@ def voltage_plant(parameters: Any, friction: tuple[str, ...], l1: float, g: floa
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def run_closed_loop(plant: VectorModel, loop: tuple[float, int, float], p: Any, start: Any, rows: Any, quantum: Any, phase: Any) -> Any:
-    """States, voltage and readings at every sample, each (N,); `rows` are reference, feedforward and the arrays of an `Lqg`."""
+def run_closed_loop(
+    plant: VectorModel, loop: tuple[float, int, float], p: Any, start: Any, rows: Any, quantum: Any, phase: Any, designs: Any = None
+) -> Any:
+    """States, voltage and readings at every sample, each (N,); `rows` are reference, feedforward and the arrays of an `Lqg`.
+
+    With `designs`, arrays of an `Lqg` over nodes, `rows` end with the node before each sample and the share of the way to the next:
+    straight lines between designs, drawn as the loop goes, take a tenth of the memory.
+    """
     period, substeps, limit = loop
 
     def read(angle, shift):
@@ -204,7 +210,8 @@ def run_closed_loop(plant: VectorModel, loop: tuple[float, int, float], p: Any, 
 
     def sample(carry, row):
         x, e = carry
-        reference, feedforward, gain, transition, push, observer = row
+        reference, feedforward, *design = row
+        gain, transition, push, observer = design if designs is None else [_between(table, *design) for table in designs]
         seen = tuple(read(a, s) for a, s in zip(x[:2], phase, strict=True))
         surprise = [y - reference[k] - e[k] for k, y in enumerate(seen)]
         e = [e[i] + sum(observer[i, k] * s for k, s in enumerate(surprise)) for i in range(4)]
@@ -217,4 +224,9 @@ def run_closed_loop(plant: VectorModel, loop: tuple[float, int, float], p: Any, 
 
     zero = jnp.zeros(())
     carry = (tuple(map(jnp.asarray, start)), (zero,) * 4)
+    designs = jax.tree.map(jnp.asarray, designs)
     return native_scan(sample, carry, jax.tree.map(jnp.asarray, rows), keep=True, fallback=True)[1]
+
+
+def _between(table: Any, at: Any, share: Any) -> Any:
+    return (1.0 - share) * table[at] + share * table[at + 1]

@@ -235,10 +235,12 @@ class Simulator:
         """Every channel of the model at every time, a tuple of (N,): inputs, late inputs, `late_states`, time."""
         return (*drive.value, *self._late_inputs(p, drive), *late_states, drive.t)
 
-    def states(self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
+    def states(
+        self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None, *, forwards: bool = False
+    ) -> tuple[Any, ...]:
         """Every state at every time of the drive, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
 
-        Models with late states always begin at `initial`.
+        Models with late states always begin at `initial`. With `forwards` only derivatives in forward mode can be taken, in less time.
         """
         if not self.vector.states:
             return ()
@@ -246,7 +248,7 @@ class Simulator:
             return self._states_with_history(p, drive)[0]
         steps, z = self.steps(p, drive)
         x0 = self.initial(p, drive.first_input, drive.first_output) if x0 is None else x0
-        later = _rollout(self)(self.positional(p), x0, _divided(z, self.parts, self.vector.timed_events))
+        later = _rollout(self, forwards)(self.positional(p), x0, _divided(z, self.parts, self.vector.timed_events))
         fine = (jnp.concatenate([jnp.reshape(a, (1,)), x]) for a, x in zip(x0, later, strict=True))
         return tuple(jnp.take(x, steps.rank * self.parts) for x in fine)
 
@@ -374,11 +376,11 @@ def _divided(z, m: int, timed: bool = False):
     return begins, ends, jnp.repeat(length / m, m)
 
 
-def _rollout(simulator: Simulator):
+def _rollout(simulator: Simulator, forwards: bool):
     vector, varying = simulator.vector, simulator.varying
 
     def one(step, p, x, z):
         u0, u1, h = z
         return step(vector.rate, x, u0, u1, h, p, varying, vector.pattern)
 
-    return make_rollout(partial(one, simulator.step), partial(one, values_of(simulator.step)))
+    return make_rollout(partial(one, simulator.step), partial(one, values_of(simulator.step)), forwards=forwards)

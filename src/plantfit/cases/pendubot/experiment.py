@@ -89,10 +89,10 @@ class UprightMoves:
         along, tables = self._controller
         share = jnp.clip((states[:, 0] - along[0]) / (along[1] - along[0]), 0.0, NODES - 1.001)
         at = share.astype(int)
-        rows = [_between(jnp.asarray(table), at, share - at) for table in tables]
+        rows = (states, feedforward, at, share - at)
         start = tuple(states[0, i] for i in range(4))
         loop = (rig.period, rig.substeps, rig.limit)
-        *x, voltage, _, _ = run_closed_loop(plant, loop, numbers, start, (states, feedforward, *rows), 0.0, (0.0, 0.0))
+        *x, voltage, _, _ = run_closed_loop(plant, loop, numbers, start, rows, 0.0, (0.0, 0.0), tables)
         return jnp.stack(x, axis=1), voltage
 
     def outcome(self, design: Any) -> tuple[Any, Any]:
@@ -132,12 +132,6 @@ class UprightMoves:
         """Values of theta1 (NODES,) and the rig's LQG design at each."""
         along = np.linspace(self.limits.theta1[0] - 0.3, self.limits.theta1[1] + 0.3, NODES)
         return along, scheduled_lqg(self.rig.linearised, along, self.rig.period, self.rig.weights, measured=2, nodes=NODES)
-
-
-def _between(table: Any, at: Any, part: Any) -> Any:
-    """Rows of a table (n, ...) on straight lines between row `at` and the next."""
-    part = part.reshape(-1, *([1] * (table.ndim - 1)))
-    return (1.0 - part) * table[at] + part * table[at + 1]
 
 
 def _rest_to_rest(t: np.ndarray, starts: Any, lasts: Any, to: Any) -> list[Any]:

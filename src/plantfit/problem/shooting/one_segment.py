@@ -31,7 +31,7 @@ class Local:
     def _run(self, z, s, segment: Segments):
         simulator, p = self.problem.predictor.stepping(), self._parameters(z)
         x0 = jnp.where(segment.first, self.initial(z, segment), s)
-        x = simulator.states(p, segment.drive, tuple(x0))
+        x = simulator.states(p, segment.drive, tuple(x0), forwards=True)
         y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(x, simulator.channels(p, segment.drive), simulator.positional(p))
         return x, y
 

@@ -6,24 +6,28 @@ evaluations instead of the twenty of `jax.grad` through a scan.
 """
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.native import native_scan
 
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 
 
-def make_rollout(step: Callable, values: Callable | None = None, *, reverse: bool = False) -> Callable:
+def make_rollout(step: Callable, values: Callable | None = None, *, reverse: bool = False, forwards: bool = False) -> Callable:
     """`rollout(p, x0, z)` for a `step(p, x, z_k) -> x` on tuples of scalars.
 
     `p` is a pytree, `x0` a tuple of n scalars, `z` a pytree of arrays with leading axis K (what
     changes from step to step); returns a tuple of n arrays (K,), the states after all steps.
     Records and candidates are batched by vmap.
-    Differentiable forwards (and from there backwards); with `reverse` only backwards, in less time. `values` is the same step for where
-    no derivatives are taken.
+    Differentiable forwards (and from there backwards); with `reverse` only backwards and with `forwards` only forwards, in less time.
+    `values` is the same step for where no derivatives are taken.
     """
-    return _reverse(step, values or step) if reverse else _forward(step, values or step)
+    make = _reverse if reverse else _only_forwards if forwards else _forward
+    return make(step, values or step)
 
 
 def _scan(step, p, x0, z):
@@ -76,6 +80,64 @@ def _forward(step, values):
         return states, jax.lax.scan(body, dx0, (columns, forcing))[1]
 
     return rollout
+
+
+def _only_forwards(step, values):
+    @jax.custom_jvp
+    def rollout(p, x0, z):
+        return _scan(values, p, x0, z)
+
+    @partial(rollout.defjvp, symbolic_zeros=True)
+    def _(primals, tangents):
+        (p, x0, z), (dp, dx0, dz) = primals, tangents
+        states = rollout(p, x0, z)
+        moving, rows = _moved((p, dp)), _moved((z, dz))
+
+        def body(d, row):
+            # the step itself is the same in all directions, so it is computed once for all lanes of a vector
+            x, zk, dzk = row
+            _, later = jax.jvp(lambda q, x, r: step(moving.joined(q), x, rows.joined(r, zk)), (moving.values, x, rows.of(zk)), (moving.tangents, d, dzk))
+            return later, later
+
+        begin = tuple(jnp.zeros_like(a) if _still(t) else t for a, t in zip(x0, dx0, strict=True))
+        return states, native_scan(body, begin, (_before(x0, states), z, rows.tangents), keep=True, fallback=True)[1]
+
+    return rollout
+
+
+class _Moved(NamedTuple):
+    """The leaves of a pytree that have tangents, `values` and `tangents`."""
+
+    leaves: list
+    tree: Any
+    moving: list[bool]
+    tangents: list
+
+    @property
+    def values(self):
+        return self.of_leaves(self.leaves)
+
+    def of_leaves(self, leaves):
+        return [a for a, moves in zip(leaves, self.moving, strict=True) if moves]
+
+    def of(self, thing):
+        return self.of_leaves(jax.tree.leaves(thing))
+
+    def joined(self, values, still=None):
+        """The pytree with other values of what moves."""
+        given, leaves = iter(values), self.leaves if still is None else jax.tree.leaves(still)
+        return jax.tree.unflatten(self.tree, [next(given) if moves else a for a, moves in zip(leaves, self.moving, strict=True)])
+
+
+def _still(tangent):
+    return isinstance(tangent, SymbolicZero)
+
+
+def _moved(pair):
+    leaves, tree = jax.tree.flatten(pair[0])
+    tangents = jax.tree.leaves(pair[1], is_leaf=_still)
+    moving = [not _still(t) and jnp.issubdtype(a.dtype, jnp.floating) for a, t in zip(leaves, tangents, strict=True)]
+    return _Moved(leaves, tree, moving, [t for t, moves in zip(tangents, moving, strict=True) if moves])
 
 
 def _reverse(step, values):
