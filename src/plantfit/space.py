@@ -24,9 +24,10 @@ class Parameter:
 
     `bounds` in `unit`; `scale` "log" searches evenly over the decades and needs positive bounds.
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
-    every recording its own value (offsets, initial states). `start` is a guess: searches that take
-    warm starts begin there as well. `smooth` is for tables: the strength with which their second differences are kept small,
-    one for each axis or for all, or "cross-validated" or "reml" (see `problem.evaluate.smoothing`).
+    every recording its own value (offsets, initial states). `start` is a guess, of a value per recording also one for each by the
+    recording's name: searches that take warm starts begin there as well. `smooth` is for tables: the strength with which their
+    second differences are kept small, one for each axis or for all, or "cross-validated" or "reml" (see
+    `problem.evaluate.smoothing`).
 
     `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible: intervals reach beyond
     bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps that sign (a mass, a dead time), and
@@ -45,7 +46,7 @@ class Parameter:
     value: Numbers | None = None
     tied: str | None = None
     per_recording: bool = False
-    start: Numbers | None = None
+    start: Numbers | Mapping[str, Numbers] | None = None
     sentence: str = ""
     shape: tuple[int, ...] = ()
     smooth: float | tuple[float, ...] | str | None = None
@@ -55,6 +56,13 @@ class Parameter:
     def __post_init__(self) -> None:
         for name in ("bounds", "value", "start", "shape", "smooth", "limits"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+
+class Guesses(dict):
+    """Guesses by the names of recordings, which can be compared and hashed."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
 
 
 @dataclass(frozen=True)
@@ -99,6 +107,8 @@ def _frozen(value: Any) -> Any:
     """Lists and arrays as nested tuples, so that a parameter can be compared."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
+    if isinstance(value, Mapping):
+        return Guesses((name, _frozen(v)) for name, v in value.items())
     return tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
 
 
@@ -157,10 +167,11 @@ class Space:
     def start(self) -> np.ndarray | None:
         """The guess as a cube point (d,), the middle where none is given; None without any guess.
 
-        Raises SpaceError for a guess outside the bounds.
+        Raises SpaceError for a guess outside the bounds, or for a recording that there is not.
         """
-        starts = {n: _spread(n, "a start", p.start, p.shape) for n, p in self.parameters.items() if p.start is not None}
-        given = [float(starts[c.parameter][c.index]) if c.parameter in starts else None for c in self.coordinates]
+        starts = dict(self._guesses())
+        own = [starts.get((c.parameter, c.recording), starts.get((c.parameter, None))) for c in self.coordinates]
+        given = [None if guess is None else float(guess[c.index]) for guess, c in zip(own, self.coordinates, strict=True)]
         if all(v is None for v in given):
             return None
         for c, v in zip(self.coordinates, given, strict=True):
@@ -171,6 +182,18 @@ class Space:
                 )
         inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
         return np.where([v is None for v in given], 0.5, inside)
+
+    def _guesses(self) -> Iterator[tuple[tuple[str, str | None], np.ndarray]]:
+        """Guesses by parameter and recording, None for all recordings."""
+        for n, p in self.parameters.items():
+            if isinstance(p.start, Mapping):
+                unknown = [r for r in p.start if r not in self.recordings]
+                if unknown or not p.per_recording:
+                    why = f"there is no recording {unknown[0]!r}" if unknown else "it has one value for all (per_recording is false)"
+                    raise SpaceError(f"Parameter {n!r} has starts by recording, but {why}; give one start, or names of recordings.")
+                yield from (((n, r), _spread(n, f"a start in {r}", v, p.shape)) for r, v in p.start.items())
+            elif p.start is not None:
+                yield (n, None), _spread(n, "a start", p.start, p.shape)
 
     @property
     def dimension(self) -> int:

@@ -14,6 +14,16 @@ class SimulatedOutput(Record):
     rms_residual: Number = None
 
 
+class Forgets(Record):
+    """A recording that the model does not follow and whose start it forgets."""
+
+    recording: str
+    growth: Number = None
+    """So many times a small deviation at the first sample grows within it."""
+    tenfold: Number = None
+    """Seconds in which it grows tenfold."""
+
+
 class Simulation(Record):
     """The stepper, and its check on the recording where it is least exact."""
 
@@ -31,6 +41,8 @@ class Simulation(Record):
     outputs: dict[str, SimulatedOutput] = {}
     refused: str = ""
     """Why an independent solver could not follow the answer."""
+    forgets: list[Forgets] = []
+    """Of recordings that are followed badly (a fit below 50 %) those that forget their start, the soonest first."""
 
 
 class Reproduction(Record):

@@ -70,7 +70,7 @@ def _in_unit(name: str, change: Parameter, unit: str | None) -> Parameter:
         change,
         bounds=(converted(bounds[0]), converted(bounds[1])) if bounds else None,
         value=converted(change.value),
-        start=converted(change.start),
+        start={r: converted(v) for r, v in change.start.items()} if isinstance(change.start, Mapping) else converted(change.start),
         limits=(float(limits[0]) * factor + offset, float(limits[1]) * factor + offset) if limits else None,
         typical=None if change.typical is None else change.typical * abs(factor),
         unit=unit,

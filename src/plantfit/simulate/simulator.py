@@ -235,9 +235,7 @@ class Simulator:
         """Every channel of the model at every time, a tuple of (N,): inputs, late inputs, `late_states`, time."""
         return (*drive.value, *self._late_inputs(p, drive), *late_states, drive.t)
 
-    def states(
-        self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None, *, forwards: bool = False
-    ) -> tuple[Any, ...]:
+    def states(self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None, *, forwards: bool = False) -> tuple[Any, ...]:
         """Every state at every time of the drive, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
 
         Models with late states always begin at `initial`. With `forwards` only derivatives in forward mode can be taken, in less time.

@@ -4,6 +4,7 @@ import difflib
 import inspect
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ CLEANING = (
     "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
     "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every",
 )  # fmt: skip
+
+
+PART = 1e-9  # of a piece, by which a sample may miss its mark
 
 
 def recording_file(r: RecordingTable, path: Path) -> Path:
@@ -98,6 +102,44 @@ def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) 
             raise
         key = "signal" if lacking[1] == "name" and "signal" in known else lacking[1]
         raise TypeError(f"the key {key!r} is missing; add it") from None
+
+
+def experiments_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> dict[str, Experiment]:
+    """The experiment of one table under its name, or with `pieces` one for each piece of its fitted part, NAME-1, NAME-2, ..."""
+    whole = experiment_of(name, r, path, files)
+    if r.pieces is None:
+        return {name: whole}
+    for key, given in (
+        ("validate", whole.validate),
+        ("steady", r.steady),
+        ("initial_time", r.initial_time),
+        ("fit = false", not whole.fit),
+    ):
+        if given:
+            raise SpecError(
+                f"{path.name}: recording.{name} has pieces, which are parts of what is fitted, and also {key}; leave one of them out. "
+                "An unseen part can stand in a table of its own, [recording.OTHER], with the same file."
+            )
+    assert whole.fit is not None
+    t = whole.recording.t[(whole.recording.t >= whole.fit[0]) & (whole.recording.t <= whole.fit[1])]
+    marks = piece_marks(t, r.pieces)
+    if len(t) < 2 or len(marks) > len(t) / 2:
+        span = float(t[-1] - t[0]) if len(t) else 0.0
+        raise SpecError(
+            f"{path.name}: recording.{name} has pieces = {r.pieces:g} s, but {len(t)} fitted samples over {span:g} s; give a time that "
+            "holds two samples at least."
+        )
+    edges = [float(t[0]), *(marks[1:] - PART * r.pieces), float(t[-1])]
+    every = (-np.inf, np.inf)
+    names = [f"{name}-{k}" for k in range(1, len(edges))]
+    records = [replace(rec.cut(whole.recording, a, b), name=n) for n, a, b in zip(names, edges, edges[1:], strict=False)]
+    return {n: replace(whole, recording=own, fit=every) for n, own in zip(names, records, strict=True)}
+
+
+def piece_marks(t: np.ndarray, seconds: float) -> np.ndarray:
+    """Where pieces of about so many seconds begin; t (n,) are the times of the fitted samples. All pieces are equally long."""
+    count = max(1, round(float(t[-1] - t[0]) / seconds)) if len(t) else 1
+    return t[0] + (t[-1] - t[0]) * np.arange(count) / count if len(t) else np.zeros(1)
 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:

@@ -21,7 +21,7 @@ from plantfit.space import Parameter
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
-from plantfit.spec.recordings import counted_signals, experiment_of
+from plantfit.spec.recordings import counted_signals, experiments_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, RecordingTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import Plan, default_budget
@@ -54,10 +54,15 @@ class Study:
 
 def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path]) -> Study:
     """The study of checked tables; recordings are looked for beside `path`, or where `files` says."""
-    model, experiments = model_of(table, path), {n: experiment_of(n, r, path, files) for n, r in table.recording.items()}
+    model, tables, experiments = model_of(table, path), {}, {}
+    for n, r in table.recording.items():
+        own = experiments_of(n, r, path, files)
+        if twice := own.keys() & experiments.keys():
+            raise SpecError(f"{path.name}: a piece of recording.{n} is called {min(twice)!r}, as another recording is; rename one of them.")
+        experiments, tables = {**experiments, **own}, {**tables, **dict.fromkeys(own, r)}
     if isinstance(model, Model):
         with errors_at(path.name):
-            experiments = {n: _with_counts(e, table.recording[n], model) for n, e in experiments.items()}
+            experiments = {n: _with_counts(e, tables[n], model) for n, e in experiments.items()}
     regression, biased = None, missing_instruments(table, model)
     if table.regression is not None:
         from plantfit.spec.regression import prepared  # filters and instruments need rooms of scipy that are slow to import
@@ -89,16 +94,19 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
 
 def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
     search = table.search
+    methods, settings = tuple(search.methods), search.settings
+    if search.shooting is not None and methods == ("auto",):  # shooting has found the basin: one descent from there, as `fit` does
+        methods, settings = ("least_squares",), {**settings, "least_squares": {"agree": 1, **settings.get("least_squares", {})}}
     try:
-        for method in search.methods:
-            make(method, **search.settings.get(method, {}))
+        for method in methods:
+            make(method, **settings.get(method, {}))
         return Plan(
             name=table.name,
-            methods=tuple(search.methods),
+            methods=methods,
             runs=search.runs,
             budget=search.budget if search.budget is not None else default_budget(problem.space.dimension),
             seed=search.seed,
-            settings=search.settings,
+            settings=settings,
         )
     except SearchError as error:
         raise SpecError(f"{path.name}, [search]: {error}") from None

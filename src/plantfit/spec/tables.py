@@ -38,6 +38,11 @@ def _numbers(value: Any) -> Any:
         raise ValueError("a number is beyond the range of float64") from None
 
 
+def _starts(value: Any) -> Any:
+    """One guess, or a guess for each recording by its name."""
+    return {n: _numbers(v) for n, v in value.items()} if isinstance(value, dict) else _numbers(value)
+
+
 def _by_name(value: Any) -> Any:
     if isinstance(value, list):
         raise ValueError("write [uncertainty.NAME], a table with a name of its own for each source, in place of [[uncertainty]]")
@@ -46,6 +51,7 @@ def _by_name(value: Any) -> Any:
 
 Pair = tuple[float, float]
 Numbers = Annotated[Any, BeforeValidator(_numbers)]  # one number for all nodes of a table, or one for each
+Starts = Annotated[Any, BeforeValidator(_starts)]  # the same, or a table of recordings
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
 if TYPE_CHECKING:
     StepperName = str
@@ -65,6 +71,7 @@ class RecordingTable(_Table):
     validate_: Pair | Literal[True] | None = Field(None, alias="validate")
     split: float | None = Field(None, gt=0, lt=1)
     skip: float = Field(0.0, ge=0)
+    pieces: float | None = Field(None, gt=0)
     before: dict[str, float | str] = {}
     initial_time: float | None = None
     steady: bool = False
@@ -124,7 +131,7 @@ class ParameterTable(_Table):
     value: Numbers | None = None
     tied: str | None = None
     per_recording: bool = False
-    start: Numbers | None = None
+    start: Starts | None = None
     smooth: Literal["cross-validated", "reml"] | Numbers | None = None
     limits: Pair | None = None
     typical: Annotated[float, Field(gt=0)] | None = None

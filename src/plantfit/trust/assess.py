@@ -11,11 +11,12 @@ from plantfit.findings.record import Values
 from plantfit.findings.recordings import Input, Output, Recording, Score
 from plantfit.findings.residuals import Cross, ResidualTest
 from plantfit.findings.runs import Basin, History, Run
-from plantfit.findings.simulation import Reproduction, SimulatedOutput, Simulation
+from plantfit.findings.simulation import Forgets, Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.accuracy.verification import error_of, least_exact
 from plantfit.problem.problem import Problem
+from plantfit.problem.shooting.forgetting import forgetting
 from plantfit.simulate.check.verify import by_doubling
 from plantfit.simulate.simulator import Drive
 from plantfit.study.comparing.basins import basins
@@ -45,6 +46,7 @@ from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import ROUNDING, TESTED
 
+FOLLOWED = 50.0  # percent of fit, below which a record is not followed
 WHITE = 0.01  # p-value of the Ljung-Box test from which on residuals are white
 
 
@@ -81,11 +83,12 @@ def assess(
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = list(_residual_tests(problem, predictions, best.x))
+    scores = with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests)
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
-        scores=with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests),
+        scores=scores,
         residual_tests=tests,
         data=[*problem_looks(problem), *stepped],
         diagnosis=None,
@@ -101,7 +104,7 @@ def assess(
         basins=_basins(problem, runs),
         agreement=agreed,
         weights=weight_rows(problem),
-        simulation=_simulation(problem, best.x, local.values, verify),
+        simulation=_simulation(problem, best.x, local.values, verify, scores),
         reproduction=Reproduction(spec=spec, seed=seed, versions=versions(), cpu=cpu_model(), seconds=dict(seconds or {}), command=command),
     ).plain()
     return {**found, "verdict": sentences(found, best)}
@@ -259,7 +262,7 @@ def _basins(problem: Problem, runs: Sequence[RunResult]) -> list[Basin]:
     return [Basin(cost=float(b.cost), runs=len(b.members), share=float(b.share), parameters=named(problem, b.x)) for b in found]
 
 
-def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: bool) -> Simulation:
+def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: bool, scores: Sequence[Score]) -> Simulation:
     moving = [n for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
     if not problem.predictor.has_steps or not moving:
         return Simulation(stepper="none (static model)", substeps=0, outputs={})
@@ -279,6 +282,8 @@ def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: boo
             rms_error=error.rms_error[output],
             rms_residual=float(np.sqrt(np.mean(residual**2))),
         )
+    bad = {s.recording for s in scores if s.part == "fit" and s.fit_percent is not None and s.fit_percent < FOLLOWED}
+    forgets = [f for f in forgetting(problem, z) if f.recording in bad] if bad else []
     return Simulation(
         stepper=simulator.stepper,
         substeps=problem.steps_a_sample,
@@ -287,5 +292,6 @@ def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: boo
         checked_samples=error.last + 1,
         samples=len(drive.t) if drive.samples is None else len(drive.samples),
         outputs=rows,
+        forgets=[Forgets(recording=f.recording, growth=f.growth, tenfold=f.tenfold) for f in forgets],
         **({} if error.stopped is None else {"refused": error.stopped.sentence}),
     )

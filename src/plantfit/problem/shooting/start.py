@@ -106,14 +106,17 @@ class Shooting:
     def search(self, *, starts: int = 8, seed: int = 0, rounds: int = ROUNDS, weights: Sequence[float] = WEIGHTS) -> Shot:
         """The best of up to `starts` shots: from the guess of the space if it has one, then from uniform points.
 
-        Ends early when two closed shots agree. A closed shot counts as better than an open one.
+        Values per recording begin at their guess or in their middle: the states that they begin at are looked for anyway. Ends early
+        when two closed shots agree. A closed shot counts as better than an open one.
         """
         if starts < 1:
             raise SearchError(f"starts = {starts} of multiple shooting; give at least 1.")
-        guess, rng = self.problem.space.start, np.random.default_rng(seed)
+        space, rng = self.problem.space, np.random.default_rng(seed)
+        guess, own = space.start, np.array([c.recording is not None for c in space.coordinates])
+        middle = np.full(space.dimension, 0.5) if guess is None else guess
         best: Shot | None = None
         for k in range(starts):
-            z = guess if k == 0 and guess is not None else rng.random(self.problem.space.dimension)
+            z = guess if k == 0 and guess is not None else np.where(own, middle, rng.random(space.dimension))
             shot = self.solve(z, rounds=rounds, weights=weights)
             if best is not None and best.closed and shot.closed and abs(shot.cost - best.cost) <= AGREE * best.cost:
                 return min(best, shot, key=_rank)

@@ -96,7 +96,9 @@ def _only_forwards(step, values):
         def body(d, row):
             # the step itself is the same in all directions, so it is computed once for all lanes of a vector
             x, zk, dzk = row
-            _, later = jax.jvp(lambda q, x, r: step(moving.joined(q), x, rows.joined(r, zk)), (moving.values, x, rows.of(zk)), (moving.tangents, d, dzk))
+            _, later = jax.jvp(
+                lambda q, x, r: step(moving.joined(q), x, rows.joined(r, zk)), (moving.values, x, rows.of(zk)), (moving.tangents, d, dzk)
+            )
             return later, later
 
         begin = tuple(jnp.zeros_like(a) if _still(t) else t for a, t in zip(x0, dx0, strict=True))

@@ -59,6 +59,9 @@ def with_diagnosis(
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
+    if not whole and findings["simulation"].get("forgets"):
+        text = f"What may be missing was not tried, as the simulation forgets its start; {_command(findings)} tries it all the same."
+        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
     if not whole and (problem.space.dimension > MOST or count > LONGEST):

@@ -14,7 +14,7 @@ from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.input_steps import input_step_sentences
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
-from plantfit.trust.verdict.searches import search_sentences
+from plantfit.trust.verdict.searches import forgetting_sentences, search_sentences
 from plantfit.trust.verdict.stated_errors import uncertainty_sentences
 from plantfit.trust.verdict.unseen import unseen_sentences
 from plantfit.trust.verdict.weights import weight_sentences
@@ -30,6 +30,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
     """The verdict in the order in which a reader needs it."""
     return [
         *fit_sentences(findings),
+        *forgetting_sentences(findings),
         *unseen_sentences(findings),
         *(findings.get("diagnosis") or {}).get("verdict", []),
         *_agreement(findings, best),
@@ -51,7 +52,7 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
-    yield from search_sentences(best.extra, flat, several, lost)
+    yield from search_sentences(best.extra, flat, several, lost and not findings["simulation"].get("forgets"))
     yield from agreement_sentences(findings)
 
 

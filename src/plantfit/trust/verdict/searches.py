@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, say
+from plantfit.trust.verdict.words import Sentence, say, some
 
 AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
 NEAR, MOST = 0.1, 0.5  # of the best cost, and of the searches, that make a valley
@@ -11,10 +11,26 @@ NOTHING = 1e-12  # of a scaled cost
 UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
 
 
-SHOOT = (
-    "where the plant swings for long or is unstable, `shooting = 100` under [search]; one that tumbles forgets its start: fit short pieces "
-    "of its record (docs/long-records.md)"
-)
+SHOOT = "where the plant swings for long or is unstable, `shooting = 100` under [search] (docs/long-records.md)"
+SEGMENTS = 5  # of each piece of a record that forgets its start
+
+
+def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """What cannot be followed from the first sample to the last, and the lines of a study file that follow it in pieces."""
+    forgets = findings["simulation"].get("forgets", [])
+    if not forgets:
+        return
+    first, count = forgets[0], len(forgets)
+    names, piece = some([f["recording"] for f in forgets], most=3), f"{first['tenfold']:.1g}"
+    several = f"simulations of {names} forget their start: in {first['recording']}"
+    whose = several if count > 1 else f"simulation of {names} forgets its start: here"
+    text = (
+        f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So hardly any simulation "
+        "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts of their own: "
+        f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions], "
+        f"`shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
+    )
+    yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
 
 def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False) -> Iterator[Sentence]:
@@ -22,7 +38,8 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
     costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
-    With `lost`, a simulation does not follow its record: segments may find what searches over all of it do not.
+    With `lost`, a simulation does not follow its record, but does not forget its start either: segments may find what searches over all
+    of it do not.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")

@@ -1,0 +1,75 @@
+"""A record is said to forget its start where deviations grow, chaotic or unstable, and nowhere else."""
+
+import numpy as np
+import pytest
+
+from plantfit import Parameter, Problem, Recording, Signal
+from plantfit.models import equations
+from plantfit.problem.shooting.forgetting import forgetting
+from plantfit.trust.verdict.searches import forgetting_sentences
+
+PLANTS = {
+    # equations, initial states, seconds, and whether the start is forgotten
+    "lag": ("x' = -a*x + u\ny = x", {"x": 1.0}, 20.0, False),
+    "integrator": ("x' = v\nv' = u\ny = a*x", {"x": 0.0, "v": 0.1}, 20.0, False),
+    "swing": ("x' = v\nv' = -30*a*x - 0.01*v + u\ny = x", {"x": 1.0, "v": 0.0}, 20.0, False),
+    "stiff": ("x' = 1e4*(z - x)\nz' = -a*z + u\ny = x", {"x": 0.0, "z": 1.0}, 20.0, False),
+    "limit cycle": ("x' = v\nv' = 2*(1 - x^2)*v - a*x\ny = x", {"x": 0.5, "v": 0.0}, 20.0, False),
+    "pendulum swinging": ("x' = v\nv' = -9.81*a*sin(x)\ny = x", {"x": 2.0, "v": 0.0}, 20.0, False),
+    "slow growth": ("x' = 0.2*a*x + u\ny = x", {"x": 1.0}, 20.0, False),  # e^4
+    "growth": ("x' = 0.8*a*x + u\ny = x", {"x": 1e-3}, 20.0, True),  # e^16
+    "upright": ("x' = v\nv' = 9.81*a*x - u\ny = x", {"x": 1e-9, "v": 0.0}, 5.0, True),
+    "Lorenz": ("x' = 10*a*(y1 - x)\ny1' = x*(28*a - z) - y1\nz' = x*y1 - 8/3*z\ny = x", {"x": 1.0, "y1": 1.0, "z": 20.0}, 30.0, True),
+    "driven pendulum": ("x' = v\nv' = -sin(x) - 0.5*a*v + 1.5*cos(2/3*t)\ny = x", {"x": 0.2, "v": 0.0}, 200.0, True),
+    "double well": ("x' = v\nv' = x - x^3 - 0.3*a*v + 0.5*cos(1.2*t)\ny = x", {"x": 1.0, "v": 0.0}, 200.0, True),
+}
+
+
+def _problem(text: str, states: dict[str, float], seconds: float) -> Problem:
+    t = np.linspace(0, seconds, 4001)
+    u = np.where(np.sin(t) > 0, 1.0, -1.0)
+    model = equations(
+        text,
+        inputs={"u": None} if "u\n" in text else {},
+        states={n: {"initial": v} for n, v in states.items()},
+        outputs={"y": None},
+        parameters={"a": {"bounds": (0.5, 2.0)}},
+        check=False,
+    )
+    record = Recording(
+        t, {"u": Signal(u, None), "y": Signal(np.zeros_like(t), None)} if model.inputs else {"y": Signal(np.zeros_like(t), None)}, "run"
+    )
+    return Problem(model, record, {"a": Parameter((0.5, 2.0), scale="log")}, substeps=4)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_only_growing_deviations_are_told(name):
+    *plant, forgets = PLANTS[name]
+    found = forgetting(_problem(*plant), np.array([0.5]))
+    assert bool(found) == forgets, found
+
+
+def test_growth_is_that_of_the_largest_exponent():
+    """Of the Lorenz system 0.906 per second (Sprott, Chaos and Time-Series Analysis, 2003): tenfold in 2.54 s in the mean."""
+    [found] = forgetting(_problem(*PLANTS["Lorenz"][:3]), np.array([0.5]))
+    assert 0.7 < found.tenfold < 3.5
+    assert found.growth > 1e6
+
+
+def test_the_sentence_names_the_lines_to_write():
+    none = {"simulation": {"forgets": []}}
+    assert list(forgetting_sentences(none)) == []
+    told = {
+        "simulation": {"forgets": [{"recording": "run", "growth": 2e7, "tenfold": 0.43}, {"recording": "b", "growth": 1e5, "tenfold": 1.0}]}
+    }
+    [said] = forgetting_sentences(told)
+    assert said["level"] == "bad"
+    assert said["sentence"].startswith("The simulations of run and b forget their start: in run a small deviation")
+    for part in (
+        "`pieces = 0.4` under [recording.run]",
+        "tenfold in about 0.4 s",
+        "2e+07 times",
+        "`shooting = 5`",
+        "`start` for each state",
+    ):
+        assert part in said["sentence"]
