@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -121,6 +122,24 @@ def test_an_address_that_is_none_and_dask_missing(monkeypatch):
     monkeypatch.setattr("plantfit.study.cluster.driver.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"pip install 'plantfit\[cluster\]'"), connected("local"):
         pass
+
+
+def test_a_local_worker_that_dask_has_given_up_comes_back(tmp_path):
+    """After 15 s without it dask starts a lost worker no more; it was the last one, and the study waited for ever."""
+    import dask
+
+    store, pids, limit = Store.open(tmp_path / "study.db"), set(), time.monotonic() + 120.0
+    study_id = begun(store, Plan(name="p", methods=("random",), runs=2, budget=20, seed=1, chunk=1), 0.0)
+
+    def kill_once(p):
+        if not pids and store.held(study_id):
+            pids.update(client.run(os.getpid).values())
+            os.kill(*pids, signal.SIGKILL)
+
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "50ms"}), connected("local", 1) as client:
+        work_on_cluster(store, [job(study_id, "0.3")], client, progress=kill_once, stop=lambda: time.monotonic() > limit)
+        assert pids.isdisjoint(client.run(os.getpid).values())
+    assert store.study(study_id).state == "done"
 
 
 @pytest.mark.slow

@@ -109,6 +109,7 @@ class Killer:
         self.store, self.study_id, self.workers = store, study_id, workers
         self.random = random.Random(seed)
         self.parent, self.kills, self.kinds = None, 0, set()
+        self.left = 0  # helpers of this parent that were not killed; it starts no others
         self.said = Path(store.name).with_suffix(".stderr")  # a pipe that nobody reads would stop the parent once it is full
 
     def mark(self):
@@ -117,7 +118,9 @@ class Killer:
 
     def wanted(self):
         """The first two kills take one of each, so that no luck of the machine leaves a kind out."""
-        return ("helper", "parent")[self.kills] if self.kills < 2 else ("helper" if self.random.random() < 0.6 else "parent")
+        if self.kills < 2:
+            return ("helper", "parent")[self.kills]
+        return "helper" if self.left and self.random.random() < 0.6 else "parent"
 
     def helpers(self):
         parent = self.parent.pid if self.parent else None
@@ -129,6 +132,7 @@ class Killer:
             words = [sys.executable, os.path.join(os.path.dirname(__file__), "worked_study.py"), self.store.name]
             with self.said.open("w") as stderr:
                 self.parent = subprocess.Popen([*words, str(self.study_id), str(self.workers)], stderr=stderr)
+            self.left = self.workers - 1
         before, kind = self.mark(), self.wanted()
         limit = time.monotonic() + PATIENCE
         while self.mark() == before or not (self.helpers() if kind == "helper" else pids(self.store, self.study_id)):
@@ -142,6 +146,7 @@ class Killer:
         helpers = self.helpers()
         if kind == "helper" and helpers:
             os.kill(self.random.choice(helpers), signal.SIGKILL)
+            self.left -= 1
         elif kind == "parent":
             self.parent.kill()
             self.parent.wait()

@@ -156,13 +156,14 @@ class _Driver:
     """Gives every worker of the cluster one task at a time."""
 
     def __init__(self, store: Store, jobs: Sequence[Job], client: Any, progress: Any, stop: Any, say: Say, seconds: float):
-        from distributed import Queue
+        from distributed import LocalCluster, Queue
 
         self.store, self.jobs, self.client, self.stop, self.say, self.seconds = store, jobs, client, stop, say, seconds
         self.session = uuid.uuid4().hex
         self.queue = Queue(f"plantfit-{self.session}", client=client)
         self.sent: dict[str, _Sent] = {}  # by worker
         self.workers: dict[str, int] = {}
+        self.ours = client.cluster if isinstance(client.cluster, LocalCluster) else None  # whose workers nobody else starts
         self.looked_at = self.dry_until = -np.inf
         self.said: set[str] = set()
         self.losses: dict[int, int] = {}  # by task, since its last checkpoint
@@ -222,7 +223,11 @@ class _Driver:
             return
         self.looked_at = time.monotonic()
         self.workers = self.client.nthreads()
-        if not self.workers:
+        if self.ours is not None:
+            wanted = len(self.ours.worker_spec)
+            if len(self.workers) < wanted:
+                self.ours.scale(wanted)  # dask gives up a worker that is not back within 15 s, on a busy machine one after the other
+        elif not self.workers:
             self._say_once("The cluster has no worker yet; waiting for one (start it with `dask worker ADDRESS --nthreads 1`).")
         for worker, threads in self.workers.items():
             if threads > 1:
