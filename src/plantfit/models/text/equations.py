@@ -12,7 +12,7 @@ from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
 from plantfit.models.text.dimensions.said_later import checked_later
-from plantfit.models.text.dimensions.two_zeros import refuse_two_zeros
+from plantfit.models.text.dimensions.two_zeros import refuse_multiple, refuse_two_zeros
 from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
 from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
@@ -333,7 +333,15 @@ class _Builder:
         values = {n: self.values[n].right for n in self.order}
         rates = [s.right for s in self.derivatives.values()]
         units = {**named, **outputs, **self._shown_units(named, states, outputs)}
-        refuse_two_zeros(units, values, [*rates, *self.hybrid.expressions()], rates, self.text)
+        ends = [*rates, *(event.condition for event in self.hybrid.events)]
+        refuse_two_zeros(units, values, [*rates, *self.hybrid.expressions()], ends, self.text)
+        for reset in (reset for event in self.hybrid.events for reset in event.resets):
+            refuse_multiple(f"The new value of {reset.target!r}", reset.right, units, states[reset.target], self.text)
+        for state, node in self.initial.items():
+            if isinstance(node, Node):
+                refuse_multiple(
+                    f"The initial value of {state!r}", node, {**named, **outputs}, states[state], str(self.declared.initial[state])
+                )
 
     def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
