@@ -339,3 +339,11 @@ def test_a_factor_makes_no_other_zero_and_squares_of_degrees_mean_nothing():
         rec.moving_rms(r, "T", "q", 4.0)
     assert rec.moving_rms(rec.detrend(r, "T"), "T", "q", 4.0).signals["q"].unit == units.difference_of("degC")
     assert rec.moving_rms(record("K", 0.0), "T", "q", 4.0).signals["q"].unit == "K"
+
+
+def test_a_start_with_a_unit_is_named_first():
+    with pytest.raises(EquationError, match=r'name it, as in constants = \{ x_0 = "20 degC" \}, and write initial = "x_0"'):
+        heated("T = x", "K", initial="20 degC")
+    with pytest.raises(EquationError, match="An operator is missing"):
+        heated("T = x", "K", initial="20 warm")
+    heated("T = x", "K", initial="x_0", constants={"x_0": "293 K"})

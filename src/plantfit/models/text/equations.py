@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
-from plantfit.errors import EquationError, ModelError
+from plantfit.errors import EquationError, ModelError, UnitError
 from plantfit.models.model import Model, Named
 from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
@@ -22,7 +22,7 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
-from plantfit.units import is_point, known
+from plantfit.units import is_point, known, quantity
 
 # isort: split
 import jax.numpy as jnp
@@ -169,7 +169,8 @@ class _Builder:
         try:
             node = parse_expression(given, d.tables)
         except EquationError as error:
-            raise EquationError(f"Initial value of {state!r}: {error.reason}", given, error.line, error.column) from None
+            reason = _named_first(state, given) if _is_quantity(given) else error.reason
+            raise EquationError(f"Initial value of {state!r}: {reason}", given, error.line, error.column) from None
         for part in node.walk():
             if part.op in SPECIAL:
                 raise EquationError(f"Initial value of {state!r}: {part.op}() has no meaning at the start.", given, *part.place)
@@ -423,6 +424,19 @@ def _one_shape(results: Named, *given: Named) -> Named:
     """Results as float64 of the shape that all given values share, so that constants broadcast too."""
     shape = jnp.broadcast_shapes(*(jnp.shape(v) for values in given for v in values.values()))
     return {name: jnp.broadcast_to(jnp.asarray(value, dtype=float), shape) for name, value in results.items()}
+
+
+def _is_quantity(text: str) -> bool:
+    """Whether a text is a number with a unit, as "20 degC"."""
+    try:
+        return bool(quantity(text)[1])
+    except UnitError:
+        return False
+
+
+def _named_first(state: str, given: str) -> str:
+    line = f'constants = {{ {state}_0 = "{given}" }}'
+    return f'{given!r} is a number with a unit, which equations do not hold; name it, as in {line}, and write initial = "{state}_0".'
 
 
 def _bare(table: Table) -> str:
