@@ -26,6 +26,10 @@ class LogarithmicUnitError(UnitError):
     """A unit of levels, such as dB."""
 
 
+class GaugeUnitError(UnitError):
+    """A unit of pressures above that of the surroundings, such as barg."""
+
+
 DIMENSIONLESS = ("", "-", "\N{EN DASH}", "1")
 
 # names that pint lacks; prefixes (mNm, kOhm) follow by themselves
@@ -43,8 +47,16 @@ _DEFINITIONS = (
     "pH = [acidity]",  # and not picohenry
 )
 
+_PRESSURE = r"(?<![A-Za-z])((?:[mkMhd]|da)?(?:bar|Pa)|k?psi|[Tt]orr|atm?|(?:mm|in)Hg|(?:[mc]?m|in)H2O)"
+_END = r"(?![A-Za-z0-9_])"
+_GAUGE = re.compile(rf"{_PRESSURE}(?:_?[gG]|[ _]?\((?:[gG]|[Gg]auge|rel|ü)\)|[ _](?:[gG]|[Gg]auge|rel(?:ative)?|ü)|[üÜ]){_END}")
+
 _SPELLINGS = (
     ("[·⋅•∙\N{MULTIPLICATION SIGN}]", "*"),
+    (rf"{_PRESSURE}(?:_?a|[ _]?\((?:a|abs|absolute)\)|[ _]abs(?:olute)?\.?){_END}", r"\1"),
+    (r"(?i)(°\s*|\bdeg(ree)?s?[ _.]*|\b)celsius\b|\bcentigrade\b|\bdeg(ree)?s?[ _.]*c\b", "degC"),
+    (r"(?i)(°\s*|\bdeg(ree)?s?[ _.]*|\b)fahrenheit\b|\bdeg(ree)?s?[ _.]*f\b", "degF"),
+    (r"(?i)(°\s*|\bdeg(ree)?s?[ _.]*|\b)kelvin\b", "kelvin"),
     (r"℃|°\s*C\b|\bdeg\.?\s+C\b", "degC"),
     (r"℉|°\s*F\b|\bdeg\.?\s+F\b", "degF"),
     (r"°", "deg"),
@@ -161,6 +173,11 @@ def _parse(text: str) -> "pint.Unit":
         return registry().parse_units("")
     if _LEVEL.search(text.strip()):
         raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
+    if (plain := gauge(text)) is not None:
+        raise GaugeUnitError(
+            f"Unit {text!r} counts from the pressure of the surroundings; write {plain!r}, and where absolute pressures are meant add that "
+            f"pressure to the numbers, {surroundings(plain):.6g} {plain} as a rule."
+        )
     # towers of powers would keep pint busy for ever
     if not _ALLOWED.fullmatch(spelled) or re.search(r"\d{4}|\*\*[^A-Za-z]*\*\*", spelled):
         raise UnitError(f"{text!r} is not a unit; write for example 'rad/s', 'N*m' or 'degC'.")
@@ -175,6 +192,7 @@ def _parse(text: str) -> "pint.Unit":
 
 
 def _spell(text: str) -> str:
+    text = _GAUGE.sub(r"\1", text)  # in a product or quotient, where it counts as a difference
     text = re.sub(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺]+", lambda run: "**" + run.group().translate(_SUPERSCRIPT), text)
     for pattern, replacement in _SPELLINGS:
         text = re.sub(pattern, replacement, text)
@@ -210,6 +228,22 @@ def logarithmic(unit: str) -> bool:
     except UnitError:
         return False
     return False
+
+
+def gauge(unit: str) -> str | None:
+    """The unit without its zero where the text is one of pressures above that of the surroundings: bar of "barg"; None for other units."""
+    found = _GAUGE.fullmatch(unit.strip())
+    return found[1] if found is not None else None
+
+
+def surroundings(unit: str) -> float:
+    """The pressure of a standard atmosphere."""
+    return float(convert(1.01325, "bar", unit))
+
+
+def of_another_kind(unit: str) -> bool:
+    """Whether `parse` refuses a unit for what its numbers are, levels or pressures above that of the surroundings, and not as unknown."""
+    return logarithmic(unit) or gauge(unit) is not None
 
 
 def dimension(unit: "str | pint.Unit") -> Any:

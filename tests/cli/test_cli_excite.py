@@ -70,3 +70,16 @@ def test_another_signal_may_be_in_another_unit(capsys, monkeypatch, tmp_path):
     made = read_csv(tmp_path / "e.csv")
     assert np.max(made["torque"]) == 2.0
     assert made.signals["torque"].unit == "N*m"
+
+
+def test_steps_and_dead_zones_in_another_unit_of_temperature_are_sizes(capsys, monkeypatch, tmp_path):
+    def made(step):
+        place = tmp_path / f"{step}.h"
+        said = call(
+            capsys, monkeypatch, "excite", "prbs", "--amplitude", "5degC", "--signal", "T", "--rate", "1Hz", "--duration", "60s",
+            "--step", step, "--out", tmp_path / f"{step}.csv", "--header", place,
+        )  # fmt: skip
+        assert said.code == 0, said.err
+        return [line.split()[-1] for line in place.read_text().splitlines() if "STEP" in line and "define" in line]
+
+    assert made("1.8degF") == made("1degC") == made("1K")

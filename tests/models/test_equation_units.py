@@ -21,7 +21,7 @@ FITS = [
     ("(a^2*b^2)^half", "m^2"), ("a^two", "m^2"), ("sin(angle)", "1"), ("exp(share)", ""), ("sin(w*t)", ""),
     ("exp(-t/s)", ""), ("a + one_m", "m"), ("a + 0", "m"), ("max(a, 0)", "m"), ("0", "m"), ("a if a > 0 else -b", "m"),
     ("where(a > b, 0, a)", "m"), ("sign(a)*b", "m"), ("smooth_sign(a, one_m)", ""), ("atan2(a, b)", "rad"), ("clip(a, -b, one_m)", "m"),
-    ("step(a - b)", ""), ("n + 1", ""), ("angle + 1", "rad"), ("T - T2", "K"), ("T + T2", "degC"), ("unknown + a", "m"),
+    ("step(a - b)", ""), ("n + 1", ""), ("angle + 1", "rad"), ("T - T2", "degC"), ("T + T2", "degC"), ("unknown + a", "m"),
     ("unknown*a + s", "s"),
     ("sin(unknown)", ""), ("unknown^a^0", "m"), ("delay(a, 3)", "m"), ("1 if a > 0 and n or not s else 2", ""),
     ("abs(a) + floor(b) + relu(a) + deadzone(a, -b, b)", "m"), ("f*s", "1"), ("n^n", ""), ("a^(1/3)*a^(2/3)", "m"), ("half*a", "V"),

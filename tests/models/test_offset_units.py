@@ -78,7 +78,7 @@ EXCHANGE = "x' = (Ta - x)/tau; T = x"
 
 @pytest.mark.parametrize(("state", "input", "output"), [("K", "degC", "K"), ("degC", "K", "degC"), (None, "K", "degC")])
 def test_a_rate_by_a_difference_of_two_zeros_is_refused(state, input, output):
-    with pytest.raises(EquationError, match="is multiplied or is a rate"):
+    with pytest.raises(EquationError, match="is multiplied, is a rate or is a condition"):
         pf.equations(EXCHANGE, inputs={"Ta": input}, states={"x": state}, outputs={"T": output}, parameters={"tau": "s"})
 
 
@@ -184,3 +184,166 @@ def test_bounds_of_a_parameter_in_another_unit_are_converted_as_temperatures_or_
     np.testing.assert_allclose([problem.space.lower[0], problem.space.upper[0]], [283.15, 303.15])
     problem = Problem(model, r, {"Ta": pf.Parameter((10.0, 30.0), "delta_degC")})
     np.testing.assert_allclose([problem.space.lower[0], problem.space.upper[0]], [10.0, 30.0])
+
+
+HEATED = {"states": {"x": {"unit": "K", "initial": "T0"}}, "parameters": {"tau": {"unit": "s", "bounds": (1, 100)}}}
+
+
+def plant(text, output="K", **inputs):
+    """A state x in K, with the inputs that the text reads."""
+    own = {"Ts": "degC", "q": "W", "dT": "delta_degC"} | inputs
+    read = set("".join(c if c.isalnum() else " " for c in text).split())
+    constants = {"T0": "300 K", "zero": "273.15 K", "g": "2", "R": "1 K/W"}
+    return pf.equations(text, inputs={n: u for n, u in own.items() if n in read}, outputs={"T": output}, constants=constants, **HEATED)
+
+
+@pytest.mark.parametrize(
+    ("formula", "unit", "said"),
+    [
+        ("g*x", "degC", r"write \(x - zero\) for 'x'"), ("x/g", "degC", r"write \(x - zero\) for 'x'"),
+        ("g*Ts", "K", r"write \(Ts \+ zero\) for 'Ts'"), ("-2*Ts", "K", r"write \(Ts \+ zero\)"),
+        ("(Ts + Ts)/2", "K", r"write \(Ts \+ zero\)"), ("0.5*Ts + 0.5*Ts", "K", r"write \(Ts \+ zero\)"),
+        ("g*Ts + R*q", "K", r"write \(Ts \+ zero\)"), ("Ts - x", "K", "has the difference of 'Ts' in °C and 'x' in K"),
+        ("x - Ts", "degC", "has the difference of"), ("x - Ts", "delta_degC", "has the difference of"),
+    ],
+)  # fmt: skip
+def test_outputs_are_no_multiples_of_temperatures_from_another_zero(formula, unit, said):
+    with pytest.raises(EquationError, match=said):
+        plant(f"x' = (T0 - x)/tau\nT = {formula}", unit)
+
+
+@pytest.mark.parametrize(
+    ("formula", "unit"),
+    [
+        ("g*x", "K"), ("g*(x - zero)", "degC"), ("g*Ts", "degC"), ("g*Ts + zero", "K"), ("g*(Ts + zero)", "K"), ("Ts + R*q", "degC"),
+        ("Ts - dT", "degC"), ("g*dT", "K"), ("g*dT", "degC"), ("x + g*dT", "K"), ("x - zero + g*dT", "degC"), ("g*(Ts - Ts)", "K"),
+        ("(Ts + Ts)/2", "degC"), ("Ts - Ts", "delta_degC"), ("x - T0", "K"), ("R*q", "K"), ("R*q", "degC"),
+    ],
+)  # fmt: skip
+def test_outputs_that_count_from_one_zero_pass(formula, unit):
+    plant(f"x' = (T0 - x)/tau\nT = {formula}", unit)
+
+
+@pytest.mark.parametrize("rate", ["(g*Ts - x)/tau", "(0.5*Ts + 0.5*T0 - x)/tau", "(Ts/2 - x + T0/2)/tau", "-(x - g*Ts)/tau"])
+def test_a_multiple_of_another_zero_is_told_in_rates(rate):
+    with pytest.raises(EquationError, match="difference of 'Ts' in °C and 'x' in K"):
+        plant(f"x' = {rate}\nT = x")
+    plant(f"x' = {rate.replace('Ts', '(Ts + zero)')}\nT = x")
+
+
+@pytest.mark.parametrize("event", ["rising(x - Ts): x = T0", "falling(g*Ts - x): x = T0", "rising(x - T0): x = g*Ts"])
+def test_events_do_not_compare_two_zeros(event):
+    with pytest.raises(EquationError, match=r"0 degC is 273\.15 K"):
+        plant(f"x' = (T0 - x)/tau\nwhen {event}\nT = x")
+    plant(f"x' = (T0 - x)/tau\nwhen {event.replace('Ts', '(Ts + zero)')}\nT = x")
+
+
+def test_an_initial_value_is_no_multiple_of_another_zero():
+    def begun(initial):
+        states = {"x": {"unit": "K", "initial": initial}}
+        return pf.equations(
+            "x' = -(x - zero)/tau\nT = x - zero", states=states, outputs={"T": "degC"}, constants={"zero": "273.15 K", "g": "2"},
+            parameters={"tau": {"unit": "s", "bounds": (1, 100)}},
+        )  # fmt: skip
+
+    with pytest.raises(EquationError, match=r"initial value of 'x' is in K, .*write \(T \+ zero\) for 'T'"):
+        begun("g*T")
+    begun("g*(T + zero)")
+    begun("g*T + zero")
+
+
+@pytest.mark.parametrize(
+    "text", ["barg", "bar_g", "bar(g)", "bar (g)", "barG", "mbarg", "kPa_g", "kPag", "kPa(g)", "psig", "bar rel", "barü"]
+)
+def test_a_pressure_above_that_of_the_surroundings_is_no_pressure(text):
+    plain = units.gauge(text)
+    assert plain is not None
+    with pytest.raises(UnitError, match=f"counts from the pressure of the surroundings; write '{plain}'"):
+        units.parse(text)
+    assert units.dimension(f"{text}/s") == units.dimension("bar/s")  # a difference
+    with pytest.raises(UnitError, match="surroundings"):
+        pf.equations("y = u", inputs={"u": text}, outputs={"y": text})
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [
+        ("bara", "bar"), ("bar(a)", "bar"), ("bar abs", "bar"), ("psia", "psi"), ("kPa(abs)", "kPa"), ("mbar_a", "mbar"), ("bar", "bar"),
+        ("barad", "barad"), ("g", "g"), ("Pa", "Pa"), ("bag", "bag"), ("mg", "mg"), ("Pa*g", "Pa*g"),
+    ],
+)  # fmt: skip
+def test_absolute_pressures_and_other_units_keep_their_meaning(text, plain):
+    assert units.gauge(text) is None
+    assert units.equal(text, plain)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("Celsius", "degC"), ("celsius", "degC"), ("centigrade", "degC"), ("° Celsius", "degC"), ("deg Celsius", "degC"), ("Deg C", "degC"),
+        ("degc", "degC"), ("degrees C", "degC"), ("degree_Celsius", "degC"), ("Fahrenheit", "degF"), ("deg F", "degF"), ("degf", "degF"),
+        ("Kelvin", "K"), ("kelvin", "K"), ("delta_degC", "delta_degC"), ("W/Kelvin", "W/K"), ("%/degc", "%/degC"), ("deg/s", "deg/s"),
+        ("F", "F"), ("C", "C"), ("deg", "deg"),
+    ],
+)  # fmt: skip
+def test_temperatures_are_spelled_as_people_write_them(text, unit):
+    assert str(units.parse(text)) == str(units.parse(unit))
+
+
+def of_file(tmp_path, header, **options):
+    (tmp_path / "r.csv").write_text(f"t [s],{header},u\n" + "\n".join(f"{i},{300 + i},{i % 3}" for i in range(9)))
+    model = pf.equations("y = g*u", inputs={"u": None}, outputs={"y": options.pop("model")}, parameters={"g": {"bounds": (0, 300)}})
+    recording = rec.read_csv(tmp_path / "r.csv", signals={"y": header, "u": "u"}, **options)
+    (experiment,) = Problem(model, recording).experiments.values()
+    return experiment.recording["y"][0]
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "said"),
+    [
+        ("p [barg]", {"model": "bar"}, r'write units = \{ y = "bar" \}, .* amount = -1.01325'),
+        ("p [psig]", {"model": "kPa"}, r'units = \{ y = "psi" \}, .* amount = -14.6959'),
+        ("p [barg]", {"model": "bar", "units": {"y": "psi"}}, "surroundings"),
+        ("T [C]", {"model": "degC"}, r'write degC in the header, or units = \{ y = "degC" \}'),
+        ("T [F]", {"model": "K"}, r'units = \{ y = "degF" \}'),
+        ("T [C]", {"model": "V"}, "correct one of them"),
+        ("T [F]", {"model": "K", "units": {"y": "degC"}}, "says 'F', but units says 'degC'"),
+        ("L [dB]", {"model": "V", "units": {"y": "V"}}, "is in 'dB', which is logarithmic, but units says 'V'"),
+    ],
+)  # fmt: skip
+def test_columns_of_another_zero_are_refused_with_the_line_to_write(tmp_path, header, options, said):
+    with pytest.raises(UnitError, match=said):
+        of_file(tmp_path, header, **options)
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "first"),
+    [
+        ("p [barg]", {"model": "bar", "units": {"y": "bar"}}, 300.0), ("p [barg]", {"model": None}, 300.0),
+        ("p [bar abs]", {"model": "kPa"}, 30000.0), ("T [C]", {"model": "K", "units": {"y": "degC"}}, 573.15),
+        ("T [Celsius]", {"model": "K"}, 573.15), ("T [Kelvin]", {"model": "degC"}, 26.85),
+        ("T [Fahrenheit]", {"model": "degC"}, 148.8888889),
+    ],
+)  # fmt: skip
+def test_columns_whose_zero_is_known_are_converted(tmp_path, header, options, first):
+    assert of_file(tmp_path, header, **options) == pytest.approx(first)
+
+
+def test_a_factor_makes_no_other_zero_and_squares_of_degrees_mean_nothing():
+    r = record("degC", 273.15)
+    with pytest.raises(UnitError, match=r'write \{ step = "convert_units", units = \{ T = "degF" \} \}'):
+        rec.scale(r, "T", 1.8, "degF")
+    assert rec.scale(r, "T", 1.02)["T"][0] == pytest.approx(1.02 * r["T"][0])
+    assert rec.scale(rec.from_arrays(T, signals={"n": (T, "counts")}), "n", 0.1, "degC").signals["n"].unit == "degC"
+    with pytest.raises(UnitError, match="whose zero is not nothing, so that its mean square means nothing"):
+        rec.moving_rms(r, "T", "q", 4.0)
+    assert rec.moving_rms(rec.detrend(r, "T"), "T", "q", 4.0).signals["q"].unit == units.difference_of("degC")
+    assert rec.moving_rms(record("K", 0.0), "T", "q", 4.0).signals["q"].unit == "K"
+
+
+def test_a_start_with_a_unit_is_named_first():
+    with pytest.raises(EquationError, match=r'name it, as in constants = \{ x_0 = "20 degC" \}, and write initial = "x_0"'):
+        heated("T = x", "K", initial="20 degC")
+    with pytest.raises(EquationError, match="An operator is missing"):
+        heated("T = x", "K", initial="20 warm")
+    heated("T = x", "K", initial="x_0", constants={"x_0": "293 K"})

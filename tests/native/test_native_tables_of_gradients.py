@@ -160,3 +160,45 @@ def test_a_loop_that_leaves_native_code_for_its_tables_leaves_out_the_same_steps
     found = jax.jit(jax.vmap(one))(tables, jnp.asarray([4, 2, 0]))
     picked = np.asarray(tables)[:, [7, 4999, 30, 2]]
     np.testing.assert_allclose(found, [picked[0].sum(), picked[1, :2].sum(), 0.0], rtol=1e-14, atol=1e-14)
+
+
+def shares(carry, row):
+    """What the slope of a linear table gives to both its neighbours: what one of them does not get, the other gets."""
+    k, more = carry
+    x, b, s = row
+    at = jnp.minimum(jnp.int32(x), 4)
+    w = x - at
+    second = w * b + 0.7 * s
+    other = 0.3 * b - w * s
+    return (k.at[at].add(b - second).at[at + 1].add(second), more.at[at].add(other).at[at + 1].add(-(w * other))), None
+
+
+def slow_walks(lanes, steps):
+    """Places (lanes, steps) that change seldom, in one lane at a time; one lane stays, one stands at the end of the table."""
+    rng = np.random.default_rng(6)
+    x = np.clip(2.5 + np.cumsum(rng.normal(0.0, 0.1, (lanes, steps)), axis=1), 0.0, 4.99)
+    x[1], x[2] = 1.25, 5.0
+    return jnp.asarray(x), jnp.asarray(rng.normal(size=(lanes, steps))), jnp.asarray(rng.normal(size=(lanes, steps)))
+
+
+@NEEDED
+@pytest.mark.parametrize("lanes", [1, 3, 8, 20, 37])
+def test_shares_of_two_neighbours_are_kept_as_their_sum_and_one_of_them(lanes):
+    rows = slow_walks(max(lanes, 3), 200)
+    rows = tuple(a[:lanes] for a in rows)
+    begin = jnp.linspace(-1.0, 1.0, 6), jnp.zeros(6)
+    own = jax.jit(jax.vmap(lambda *row: native_scan(shares, begin, row)[0]))(*rows)
+    plain = jax.jit(jax.vmap(lambda *row: jax.lax.scan(shares, begin, row)[0]))(*rows)
+    for a, b in zip(own, plain, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-13 * np.max(np.abs(b)))
+    alone = jax.jit(lambda *row: native_scan(shares, begin, row)[0])(*(a[lanes - 1] for a in rows))
+    for a, b in zip(alone, own, strict=True):
+        np.testing.assert_array_equal(a, b[lanes - 1])
+
+
+@NEEDED
+def test_shares_that_a_lane_gives_to_one_neighbour_alone_leave_nothing_at_the_other():
+    x, b = jnp.full((9, 50), 3.0), jnp.asarray(np.random.default_rng(7).normal(size=(9, 50)))
+    found = jax.jit(jax.vmap(lambda *row: native_scan(shares, (jnp.zeros(6), jnp.zeros(6)), row)[0][0]))(x, b, 0.0 * b)
+    np.testing.assert_array_equal(found[:, jnp.array([0, 1, 2, 4, 5])], 0.0)
+    np.testing.assert_allclose(found[:, 3], jnp.sum(b, axis=1), rtol=1e-13)

@@ -11,17 +11,20 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})?\s*\.\.\s*({_NUMBER})?\s*(.*?)\s*")
 
 
-def quantity(option: str, text: str | None, unit: str) -> float | None:
-    """The number of a text in `unit`, in which a bare number is taken; None for None. Raises SpecError or UnitError."""
+def quantity(option: str, text: str | None, unit: str, *, difference: bool = False) -> float | None:
+    """The number of a text in `unit`, in which a bare number is taken; by its size alone for a `difference`; None for None.
+
+    Raises SpecError or UnitError.
+    """
     if text is None:
         return None
     value, given = number_and_unit(option, text, unit)
     if given == unit:
         return value
-    from plantfit.units import convert
+    from plantfit.units import convert, factor
 
     try:
-        return convert(value, given, unit)
+        return value * factor(given, unit) if difference else convert(value, given, unit)
     except UnitError as error:
         raise UnitError(f"{option} {text!r}: {error}") from None
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 from typing import Any
 
 import plantfit.runtime  # noqa: F401  (float64 before the first array)
-from plantfit.errors import EquationError, ModelError
+from plantfit.errors import EquationError, ModelError, UnitError
 from plantfit.models.model import Model, Named
 from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
 from plantfit.models.text.dimensions.said_later import checked_later
-from plantfit.models.text.dimensions.two_zeros import refuse_two_zeros
+from plantfit.models.text.dimensions.two_zeros import refuse_multiple, refuse_two_zeros
 from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
 from plantfit.models.text.dimensions.whole_model import WholeModel
 from plantfit.models.text.evaluate import Evaluate, evaluator
@@ -22,7 +22,7 @@ from plantfit.models.text.functions import FUNCTIONS, SPECIAL
 from plantfit.models.text.hybrid_text import Hybrid
 from plantfit.models.text.parse import Statement, parse, parse_expression
 from plantfit.models.text.suggest import suggest
-from plantfit.units import is_point, known
+from plantfit.units import is_point, known, quantity
 
 # isort: split
 import jax.numpy as jnp
@@ -169,7 +169,8 @@ class _Builder:
         try:
             node = parse_expression(given, d.tables)
         except EquationError as error:
-            raise EquationError(f"Initial value of {state!r}: {error.reason}", given, error.line, error.column) from None
+            reason = _named_first(state, given) if _is_quantity(given) else error.reason
+            raise EquationError(f"Initial value of {state!r}: {reason}", given, error.line, error.column) from None
         for part in node.walk():
             if part.op in SPECIAL:
                 raise EquationError(f"Initial value of {state!r}: {part.op}() has no meaning at the start.", given, *part.place)
@@ -333,7 +334,15 @@ class _Builder:
         values = {n: self.values[n].right for n in self.order}
         rates = [s.right for s in self.derivatives.values()]
         units = {**named, **outputs, **self._shown_units(named, states, outputs)}
-        refuse_two_zeros(units, values, [*rates, *self.hybrid.expressions()], rates, self.text)
+        ends = [*rates, *(event.condition for event in self.hybrid.events)]
+        refuse_two_zeros(units, values, [*rates, *self.hybrid.expressions()], ends, self.text)
+        for reset in (reset for event in self.hybrid.events for reset in event.resets):
+            refuse_multiple(f"The new value of {reset.target!r}", reset.right, units, states[reset.target], self.text)
+        for state, node in self.initial.items():
+            if isinstance(node, Node):
+                refuse_multiple(
+                    f"The initial value of {state!r}", node, {**named, **outputs}, states[state], str(self.declared.initial[state])
+                )
 
     def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
         """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
@@ -415,6 +424,19 @@ def _one_shape(results: Named, *given: Named) -> Named:
     """Results as float64 of the shape that all given values share, so that constants broadcast too."""
     shape = jnp.broadcast_shapes(*(jnp.shape(v) for values in given for v in values.values()))
     return {name: jnp.broadcast_to(jnp.asarray(value, dtype=float), shape) for name, value in results.items()}
+
+
+def _is_quantity(text: str) -> bool:
+    """Whether a text is a number with a unit, as "20 degC"."""
+    try:
+        return bool(quantity(text)[1])
+    except UnitError:
+        return False
+
+
+def _named_first(state: str, given: str) -> str:
+    line = f'constants = {{ {state}_0 = "{given}" }}'
+    return f'{given!r} is a number with a unit, which equations do not hold; name it, as in {line}, and write initial = "{state}_0".'
 
 
 def _bare(table: Table) -> str:

@@ -100,17 +100,20 @@ def common_addresses(e: Emitter, s: Storage, dtype: str, at: str, offset: int) -
 
 def lane_addresses(e: Emitter, s: Storage, dtype: str, at: Lanes, offset: int) -> Lanes:
     """Vectors of pointers to the entries at the lanes' own indices, plus the offset."""
+    return [vector_of_addresses(e, s, dtype, place, offset, str(u)) for u, place in enumerate(at)]
+
+
+def vector_of_addresses(e: Emitter, s: Storage, dtype: str, place: str, offset: int, u: str) -> str:
+    """`lane_addresses` of vector u of a block."""
     kind = REGISTER[dtype]
     whole = e.vector(kind)
-    pointers = []
-    for u, place in enumerate(at):
-        base = entry_pointer(e, s, offset, u)
-        if not s.flat:
-            number = ", ".join(f"{kind} {i}" for i in range(e.width))
-            place = e.put(f"mul {whole} {place}, splat ({kind} {e.vectors * e.width})")
-            place = e.put(f"add {whole} {place}, <{number}>")
-        pointers.append(e.put(f"getelementptr {MEMORY[s.dtype]}, ptr {base}, {whole} {place}"))
-    return pointers
+    base = entry_pointer(e, s, offset)
+    if not s.flat:
+        number = ", ".join(f"{kind} {i}" for i in range(e.width))
+        place = e.put(f"mul {whole} {place}, splat ({kind} {e.vectors * e.width})")
+        place = e.put(f"add {whole} {place}, <{number}>")
+        base = base if u == "0" else e.put(f"getelementptr {e.vector(MEMORY[s.dtype])}, ptr {base}, i64 {u}")
+    return e.put(f"getelementptr {MEMORY[s.dtype]}, ptr {base}, {whole} {place}")
 
 
 def gather(e: Emitter, s: Storage, pointers: Lanes, masks: Lanes | None = None) -> Lanes:

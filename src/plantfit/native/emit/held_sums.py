@@ -3,23 +3,24 @@
 A lane's sums depend on its own path alone, so it gives the same bits in every batch.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from plantfit.native.emit.array_access import common_addresses, gather, lane_addresses, scatter
+from plantfit.native.emit.array_access import common_addresses, gather, scatter, vector_of_addresses
 from plantfit.native.emit.emitter import Emitter
-from plantfit.native.emit.llvm_text import BYTES, REGISTER, Lanes
-from plantfit.native.emit.storage import Storage, load_at, store_at
-from plantfit.native.graph.nodes import F64, Node
-from plantfit.native.passes.table_sums import TableSums
+from plantfit.native.emit.instructions import fused
+from plantfit.native.emit.llvm_text import BYTES, REGISTER, SUFFIX, Lanes
+from plantfit.native.emit.storage import Row, load_at, store_at
+from plantfit.native.graph.nodes import F64, Node, Region
+from plantfit.native.passes.table_sums import TableSum, TableSums
 from plantfit.native.unsupported import NativeUnsupported
 
 
 class _Held(NamedTuple):
-    """The slots of a group: where its lanes were, and what they added there since, by term."""
+    """Of a group: where its lanes were, and what they added there since, by term."""
 
-    before: list[str]
-    totals: dict[Node, list[str]]
+    before: Row
+    totals: dict[Node, Row]
 
 
 class HeldSums:
@@ -27,109 +28,101 @@ class HeldSums:
 
     def __init__(self, emitter: Emitter, groups: Sequence[TableSums]):
         self.e = emitter
-        self._group = {node: group for group in groups for node, _ in group.terms}
+        self._groups = groups
+        self._term = {term.node: (group, term) for group in groups for term in group.terms}
         self._held: dict[TableSums, _Held] = {}
 
     def __contains__(self, node: Node) -> bool:
-        return node in self._group
+        return node in self._term
+
+    def of(self, region: Region) -> Mapping[Node, TableSums]:
+        """The groups of a region by their index."""
+        return {group.index: group for group in self._groups if group.home is region}
 
     def add(self, node: Node) -> None:
-        """Add to what is held, after the group's former place has got its sums, if it is another."""
-        e, group = self.e, self._group[node]
-        if e.storage(node.args[0]).pointer != self._table(node).pointer:
+        """Add to what is held; the group has been told of its place."""
+        e, (group, term) = self.e, self._term[node]
+        if e.storage(node.args[0]).pointer != e.storage(term.table).pointer:
             raise NativeUnsupported("sums into a table that a branch copies")
-        if group not in self._held:
-            self._held[group] = self._opened(group)
-            self._leave(group)
-        kind = e.type_of(F64, e.varies(node))
-        for slot, value in zip(self._held[group].totals[node], e.operand(node.args[2], e.varies(node)), strict=True):
-            total = e.put(f"fadd {kind} {e.put(f'load {kind}, ptr {slot}')}, {value}")
-            e.line(f"store {kind} {total}, ptr {slot}")
+        varying = e.varies(node)
+        kind, suffix = e.type_of(F64, varying), (f"v{e.width}" if varying else "") + SUFFIX[REGISTER[F64]]
+        row = self._held[group].totals[node]
+        totals = row.load_all()
+        for factors, minus in term.parts:
+            rows = e.operands(factors, varying)
+            if len(factors) == 2:
+                totals = [fused(e, (minus, False), kind, suffix, [*row, total]) for row, total in zip(rows, totals, strict=True)]
+            else:
+                how = "fsub" if minus else "fadd"
+                totals = [e.put(f"{how} {kind} {total}, {row[0]}") for row, total in zip(rows, totals, strict=True)]
+        for u, total in enumerate(totals):
+            row.store(str(u), total)
         e.bind(node, e.storage(node.args[0]))
 
     def finish(self) -> None:
         """After the last step."""
-        for group in self._held:
-            before = self._places(group)
-            self._deliver(group, before, self._somewhere(group, before))
+        for group, held in self._held.items():
+            for u in map(str, range(held.before.count)):
+                before = held.before.load(u)
+                self._deliver(group, u, before, self._somewhere(group, before))
 
-    def _opened(self, group: TableSums) -> _Held:
-        """Slots, nowhere and empty when a block begins."""
-        e, dtype = self.e, group.index.dtype
-        wide = e.varies(group.index)
-        kind = e.type_of(dtype, wide)
-        before = [e.slot(kind) for _ in range(e.vectors if wide else 1)]
-        e.before_steps.extend(f"  store {kind} {self._nowhere(group)}, ptr {slot}" for slot in before)
-        totals: dict[Node, list[str]] = {}
-        for node, _ in group.terms:
-            whole = e.type_of(F64, e.varies(node))
-            totals[node] = [e.slot(whole) for _ in range(e.vectors if e.varies(node) else 1)]
-            e.before_steps.extend(f"  store {whole} zeroinitializer, ptr {slot}" for slot in totals[node])
-        return _Held(before, totals)
+    def open(self, group: TableSums, before: Row) -> None:
+        """Begin a group, empty, whose places stand in `before`."""
+        totals = {term.node: Row(self.e, F64, varying=self.e.varies(term.node)) for term in group.terms}
+        for row in totals.values():
+            self.e.before_steps.extend(row.filled("zeroinitializer" if row.varying else "0.0"))
+        self._held[group] = _Held(before, totals)
 
-    def _nowhere(self, group: TableSums) -> str:
-        dtype = group.index.dtype
-        number = str(-(2 ** (8 * BYTES[dtype] - 1)))
-        return f"splat ({REGISTER[dtype]} {number})" if self.e.varies(group.index) else number
+    def renew(self, group: TableSums, u: str, before: str, moved: str) -> None:
+        """Deliver the sums of the lanes of vector u that moved away from `before`, and begin new ones; all for a place that lanes share."""
+        e, wide = self.e, self.e.varies(group.index)
+        there = self._somewhere(group, before)
+        self._deliver(group, u, before, e.both([moved], [there])[0] if wide else there)
+        for row in self._held[group].totals.values():
+            if wide:
+                row.store(u, *e.selected(F64, True, [moved], ["zeroinitializer"], [row.load(u)]))
+            else:
+                e.lines.extend(row.filled("zeroinitializer" if row.varying else "0.0"))
 
-    def _places(self, group: TableSums) -> Lanes:
-        kind = self.e.type_of(group.index.dtype, self.e.varies(group.index))
-        return [self.e.put(f"load {kind}, ptr {slot}") for slot in self._held[group].before]
+    def _somewhere(self, group: TableSums, before: str) -> str:
+        """Whether there was a place."""
+        wide, dtype = self.e.varies(group.index), group.index.dtype
+        return self.e.put(f"icmp ne {self.e.type_of(dtype, wide)} {before}, {nowhere(dtype, wide)}")
 
-    def _somewhere(self, group: TableSums, before: Lanes) -> Lanes:
-        kind = self.e.type_of(group.index.dtype, self.e.varies(group.index))
-        return [self.e.put(f"icmp ne {kind} {a}, {self._nowhere(group)}") for a in before]
-
-    def _leave(self, group: TableSums) -> None:
-        """Where the place has changed, deliver the sums and begin new ones."""
-        e, held, wide = self.e, self._held[group], self.e.varies(group.index)
-        kind = e.type_of(group.index.dtype, wide)
-        now, before = e.operand(group.index, wide), self._places(group)
-        moved = [e.put(f"icmp ne {kind} {a}, {b}") for a, b in zip(now, before, strict=True)]
-        left, stayed = e.name("left"), e.name("stayed")
-        e.line(f"br i1 {e.any_lane(moved) if wide else moved[0]}, label %{left}, label %{stayed}")
-        e.label(left)
-        self._deliver(group, before, self._both(moved, self._somewhere(group, before), wide))
-        for node, slots in held.totals.items():
-            whole = e.type_of(F64, e.varies(node))
-            zero = "zeroinitializer" if e.varies(node) else "0.0"
-            old = [e.put(f"load {whole}, ptr {slot}") for slot in slots]
-            new = e.selected(F64, True, moved, [zero] * len(slots), old) if wide else [zero] * len(slots)
-            for slot, value in zip(slots, new, strict=True):
-                e.line(f"store {whole} {value}, ptr {slot}")
-        for slot, value in zip(held.before, now, strict=True):
-            e.line(f"store {kind} {value}, ptr {slot}")
-        e.line(f"br label %{stayed}")
-        e.label(stayed)
-
-    def _both(self, a: Lanes, b: Lanes, wide: bool) -> Lanes:
-        return self.e.both(a, b) if wide else [self.e.put(f"and i1 {a[0]}, {b[0]}")]
-
-    def _deliver(self, group: TableSums, places: Lanes, where: Lanes) -> None:
-        """Add the sums to the entries at `places`, in the lanes `where`."""
+    def _deliver(self, group: TableSums, u: str, place: str, where: str) -> None:
+        """Add the sums of vector u to the entries at its places, in the lanes `where`; those of all vectors to a place that lanes share."""
         e = self.e
         if e.varies(group.index):
-            for node, offset in group.terms:
-                target = self._table(node)
-                pointers = lane_addresses(e, target, group.index.dtype, places, offset)
-                scatter(e, target, pointers, self._added(node, gather(e, target, pointers, where)), where)
+            for term in group.terms:
+                target = e.storage(term.table)
+                pointers = [vector_of_addresses(e, target, group.index.dtype, place, term.offset, u)]
+                old = gather(e, target, pointers, [where])
+                scatter(e, target, pointers, self._added(group, term, old, [u]), [where])
             return
         some, end = e.name("some"), e.name("end")
-        e.line(f"br i1 {where[0]}, label %{some}, label %{end}")
+        e.line(f"br i1 {where}, label %{some}, label %{end}")
         e.label(some)
-        for node, offset in group.terms:
-            target = self._table(node)
-            pointers = common_addresses(e, target, group.index.dtype, places[0], offset)
-            store_at(e, target, pointers, self._added(node, load_at(e, target, pointers)))
+        for term in group.terms:
+            target = e.storage(term.table)
+            pointers = common_addresses(e, target, group.index.dtype, place, term.offset)
+            store_at(e, target, pointers, self._added(group, term, load_at(e, target, pointers), map(str, range(len(pointers)))))
         e.line(f"br label %{end}")
         e.label(end)
 
-    def _table(self, node: Node) -> Storage:
-        """The carried array that a sum goes to."""
-        return self.e.storage(self._group[node].tables[node])
+    def _added(self, group: TableSums, term: TableSum, old: Lanes, vectors: Iterable[str]) -> Lanes:
+        e, totals = self.e, self._held[group].totals
+        kind = e.type_of(F64, e.varies(term.node))
 
-    def _added(self, node: Node, old: Lanes) -> Lanes:
-        e = self.e
-        kind = e.type_of(F64, e.varies(node))
-        slots = self._held[self._group[node]].totals[node]
-        return [e.put(f"fadd {kind} {a}, {e.put(f'load {kind}, ptr {slot}')}") for a, slot in zip(old, slots, strict=True)]
+        new = []
+        for u, value in zip(vectors, old, strict=True):
+            more = totals[term.node].load(u)
+            if term.without is not None:
+                more = e.put(f"fsub {kind} {more}, {totals[term.without].load(u)}")
+            new.append(e.put(f"fadd {kind} {value}, {more}"))
+        return new
+
+
+def nowhere(dtype: str, varying: bool) -> str:
+    """No index."""
+    number = str(-(2 ** (8 * BYTES[dtype] - 1)))
+    return f"splat ({REGISTER[dtype]} {number})" if varying else number

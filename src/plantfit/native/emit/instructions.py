@@ -19,10 +19,11 @@ def emit_instruction(e: Emitter, node: Node) -> None:
     """Define a scalar node; raises NativeUnsupported for an operation without an instruction."""
     vector = e.varies(node)
     rows = e.operands(node.args, vector)
-    e.define(node, [_instruction(e, node, row, vector) for row in rows])
+    e.define(node, [instruction(e, node, row, vector) for row in rows])
 
 
-def _instruction(e: Emitter, node: Node, args: list[str], vector: bool) -> str:
+def instruction(e: Emitter, node: Node, args: list[str], vector: bool) -> str:
+    """The register of one vector of a node, or of the one number, given the registers of its arguments."""
     op, dtype = node.op, node.dtype
     kind, suffix = e.type_of(dtype, vector), (f"v{e.width}" if vector else "") + SUFFIX[REGISTER[dtype]]
     if op == "neg":
@@ -39,7 +40,7 @@ def _instruction(e: Emitter, node: Node, args: list[str], vector: bool) -> str:
     if op == "copysign":
         return e.call(kind, f"llvm.copysign.{suffix}", (kind, args[0]), (kind, args[1]))
     if op == "fma":
-        return _fused(e, node.data, kind, suffix, args)
+        return fused(e, node.data, kind, suffix, args)
     if op in _FLOAT_TEST:
         return _comparison(e, node, args, vector)
     if op == "select":
@@ -51,7 +52,7 @@ def _instruction(e: Emitter, node: Node, args: list[str], vector: bool) -> str:
     raise NativeUnsupported(op)
 
 
-def _fused(e: Emitter, signs: tuple[bool, bool], kind: str, suffix: str, args: list[str]) -> str:
+def fused(e: Emitter, signs: tuple[bool, bool], kind: str, suffix: str, args: list[str]) -> str:
     """a b + c in one rounding; `signs` negate the product and c."""
     a, b, c = args
     if signs[0]:

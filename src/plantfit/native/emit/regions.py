@@ -12,8 +12,9 @@ from plantfit.native.emit.carried import Place, fetch, initial_places, renew, re
 from plantfit.native.emit.emitter import Emitter
 from plantfit.native.emit.held_sums import HeldSums
 from plantfit.native.emit.instructions import emit_instruction
-from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, Lanes
-from plantfit.native.emit.storage import Storage, from_memory, to_memory
+from plantfit.native.emit.llvm_text import REGISTER, Lanes
+from plantfit.native.emit.storage import Row, Storage
+from plantfit.native.emit.table_places import TablePlaces
 from plantfit.native.graph.nodes import BOOL, F64, Node, Region, regions_of, walk
 from plantfit.native.passes.table_reads import TableReads
 
@@ -25,26 +26,6 @@ _RULES: dict[str, Callable[[Emitter, Node], Any]] = {
     "constant": Emitter.storage,  # interleaved here, ahead of the steps
     "get": lambda e, node: None,  # defined after its loop or branch
 }
-
-
-class _Row:
-    """The vectors of a number in memory, to be taken by their place."""
-
-    def __init__(self, e: Emitter, dtype: str, values: Sequence[str] = ()):
-        self.e, self.dtype, self.kind = e, dtype, e.vector(MEMORY[dtype])
-        self.pointer = e.slot(self.kind, e.vectors)
-        for u, value in enumerate(values):
-            self.store(str(u), value)
-
-    def _at(self, u: str) -> str:
-        return self.e.put(f"getelementptr {self.kind}, ptr {self.pointer}, i64 {u}")
-
-    def store(self, u: str, value: str) -> None:
-        value = to_memory(self.e, self.dtype, value, True)
-        self.e.line(f"store {self.kind} {value}, ptr {self._at(u)}, align 8")
-
-    def load(self, u: str) -> str:
-        return from_memory(self.e, self.dtype, self.e.put(f"load {self.kind}, ptr {self._at(u)}, align 8"), True)
 
 
 def _from_outside(region: Region) -> list[Node]:
@@ -71,7 +52,8 @@ class RegionEmitter:
     def __init__(
         self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums, read: Callable[[Node], None]
     ):
-        self.e, self._cached, self._sums, self._read = emitter, cached, sums, read
+        self.e, self._sums, self._read = emitter, sums, read
+        self._places = TablePlaces(emitter, cached, sums)
         self._gets: dict[Node, list[Node]] = {}  # the results taken from each loop and branch
         self._ahead: set[Node] = set()  # loads that were written ahead of the branch they stand in
         self._apart = False  # whether the vectors of a block are worked off one after another
@@ -86,13 +68,14 @@ class RegionEmitter:
         for node in region.code:
             if node.op in ("cload", "xload") and node not in self._ahead:
                 self._read(node)
+        kept = self._places.of(region, apart=self._apart)
+        own = set(region.code)
+        for index in kept.indices:
+            if index not in own:
+                self._places.arrive(index, kept)
         for node in region.code:
-            reads = None if self._apart else self._cached.get(node)
-            if node.op in ("cload", "xload"):
-                continue
-            if reads is not None and self.e.varies(reads.index):
-                if node is reads.nodes[0]:
-                    self._emit_cached(reads)
+            if node.op in ("cload", "xload") or node in kept.made:
+                pass
             elif node.op == "update":
                 emit_update(self.e, node, node in in_place)
             elif node in self._sums and self.e.mask is None:
@@ -103,6 +86,8 @@ class RegionEmitter:
                 self._cond(node, lent_on.get(node, {}))
             else:
                 self._emit_node(node)
+            if node in kept.indices:
+                self._places.arrive(node, kept)
 
     def _emit_node(self, node: Node) -> None:
         if node.op == "loop":
@@ -111,34 +96,6 @@ class RegionEmitter:
             self._while(node)
         else:
             _RULES.get(node.op, emit_instruction)(self.e, node)
-
-    def _emit_cached(self, reads: TableReads) -> None:
-        """Recompute a group when the index of some lane has changed; slots hold the results between steps."""
-        e, dtype = self.e, reads.index.dtype
-        kind = e.type_of(dtype, True)
-        before = [e.slot(kind) for _ in range(e.vectors)]
-        never = -(2 ** (8 * BYTES[dtype] - 1))  # no index
-        e.before_steps.extend(f"  store {kind} splat ({REGISTER[dtype]} {never}), ptr {slot}" for slot in before)
-        now = e.lanes(reads.index)
-        old = [e.put(f"load {kind}, ptr {slot}") for slot in before]
-        moved = [e.put(f"icmp ne {kind} {a}, {b}") for a, b in zip(now, old, strict=True)]
-        again, same = e.name("moved"), e.name("same")
-        with e.active(None):  # inactive lanes, too, hold what belongs to their index
-            e.line(f"br i1 {e.any_lane(moved)}, label %{again}, label %{same}")
-        e.label(again)
-        for slot, value in zip(before, now, strict=True):
-            e.line(f"store {kind} {value}, ptr {slot}")
-        for node in reads.nodes:
-            self._emit_node(node)
-        slots: dict[Node, list[str]] = {}
-        for node in reads.kept:
-            whole = e.type_of(node.dtype, e.varies(node))
-            slots[node] = e.filled_slots(whole, e.value(node))
-            e.before_steps.extend(f"  store {whole} zeroinitializer, ptr {slot}" for slot in slots[node])
-        e.line(f"br label %{same}")
-        e.label(same)
-        for node in reads.kept:
-            fetch(e, node, slots[node])
 
     # -- loops --------------------------------------------------------------------------------------
 
@@ -244,12 +201,12 @@ class RegionEmitter:
             self._read(node)
         outer = [n for n in (*_from_outside(region), *loads) if n.size is None and e.varies(n)]
         start, begun = len(e.lines), [n for n in outer if n.depth == 0] if any(n.depth for n in outer) else []
-        given = {n: _Row(e, n.dtype, e.value(n)) for n in begun}
+        given = {n: Row(e, n.dtype, e.value(n)) for n in begun}
         # what no step changes is stored once
         e.before_steps.extend(e.lines[start:])
         del e.lines[start:]
-        given |= {n: _Row(e, n.dtype, e.value(n)) for n in outer if n not in given}
-        mask, found = _Row(e, BOOL, masks), [_Row(e, get.dtype) for get in gets]
+        given |= {n: Row(e, n.dtype, e.value(n)) for n in outer if n not in given}
+        mask, found = Row(e, BOOL, masks), [Row(e, get.dtype) for get in gets]
         (counter,) = e.filled_slots("i64", ["0"])
         body, some, following, end = (e.name(stem) for stem in ("vector", "some", "next", "done"))
         e.line(f"br label %{body}")

@@ -4,7 +4,7 @@ An array that differs between lanes is interleaved, [entry][lane]; a flat array 
 is a byte in memory and a bit in a register.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes
@@ -25,6 +25,37 @@ class Storage:
     @property
     def align(self) -> int:
         return BYTES[self.dtype]
+
+
+class Row:
+    """The vectors of a number in memory, to be taken by their place; of one that does not vary the number alone."""
+
+    def __init__(self, f: FunctionText, dtype: str, values: Sequence[str] = (), *, varying: bool = True):
+        self.f, self.dtype, self.varying, self.kind = f, dtype, varying, _memory_type(f, dtype, varying)
+        self.count = f.vectors if varying else 1
+        self.pointer = f.slot(self.kind, self.count)
+        for u, value in enumerate(values):
+            self.store(str(u), value)
+
+    def at(self, u: str) -> str:
+        return self.pointer if u == "0" else self.f.put(f"getelementptr {self.kind}, ptr {self.pointer}, i64 {u}")
+
+    def store(self, u: str, value: str) -> None:
+        value = to_memory(self.f, self.dtype, value, self.varying)
+        self.f.line(f"store {self.kind} {value}, ptr {self.at(u)}, align 8")
+
+    def load(self, u: str) -> str:
+        return from_memory(self.f, self.dtype, self.f.put(f"load {self.kind}, ptr {self.at(u)}, align 8"), self.varying)
+
+    def load_all(self) -> Lanes:
+        return [self.load(str(u)) for u in range(self.count)]
+
+    def filled(self, value: str) -> list[str]:
+        """The lines that store one value in all places."""
+        if self.count == 1:
+            return [f"  store {self.kind} {value}, ptr {self.pointer}, align 8"]
+        whole = f"[{self.count} x {self.kind}]"
+        return [f"  store {whole} [{', '.join([f'{self.kind} {value}'] * self.count)}], ptr {self.pointer}, align 8"]
 
 
 def to_memory(f: FunctionText, dtype: str, value: str, vector: bool) -> str:

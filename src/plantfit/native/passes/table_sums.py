@@ -4,7 +4,7 @@ A state moves slowly through a table, so what is added to a carried table is sum
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from plantfit.native.graph.nodes import F64, INTEGERS, Node, Region, all_regions, count_uses, regions_of
@@ -34,25 +34,84 @@ def _added(update: Node, uses: Counter[int]) -> Node | None:
 
 
 @dataclass(frozen=True, eq=False)
-class TableSums:
-    """The `add_at` nodes of a region at one index, each with the offset of its entry from there and the carried array it adds to."""
+class TableSum:
+    """What one `add_at` adds at an index plus `offset`: a sum of `parts`, less the total of the sum `without`.
 
+    A part is one number or two factors, and whether it is subtracted.
+    """
+
+    node: Node
+    offset: int
+    table: Node  # the carried array
+    parts: tuple[tuple[tuple[Node, ...], bool], ...]
+    without: Node | None
+
+
+@dataclass(frozen=True, eq=False)
+class TableSums:
+    """The sums of a region at one index. Nobody but they needs the nodes `inside`."""
+
+    home: Region
     index: Node
-    terms: tuple[tuple[Node, int], ...]
-    tables: dict[Node, Node]
+    terms: tuple[TableSum, ...]
+    inside: frozenset[Node]
 
 
 def table_sums(body: Region) -> list[TableSums]:
     """Groups of the sums that can be held: they go to an array of the carry that nothing else in the loop reads."""
     groups: dict[tuple[int, Node], list[tuple[Node, int]]] = {}
+    homes: dict[int, Region] = {}
     tables: dict[Node, Node] = {}
     for param, result in zip(body.params, body.results, strict=False):
         found = _sums_between(param, result, body) if param.size is not None else None
         for node, home in found or ():
             index, offset = _origin(node.args[1])
             groups.setdefault((id(home), index), []).append((node, offset))
-            tables[node] = param
-    return [TableSums(index, tuple(terms), tables) for (_, index), terms in groups.items()]
+            homes[id(home)], tables[node] = home, param
+    uses = count_uses([body])
+    return [_grouped(homes[home], index, terms, tables, uses) for (home, index), terms in groups.items()]
+
+
+def _grouped(home: Region, index: Node, terms: list[tuple[Node, int]], tables: dict[Node, Node], uses: Counter[int]) -> TableSums:
+    own, inside = set(home.code), set[Node]()
+    uses = Counter(uses)
+
+    def once(node: Node) -> bool:
+        return uses[id(node)] == 1 and node in own
+
+    summed = {(tables[node], node.args[2]): node for node, _ in terms}
+    without: dict[Node, Node] = {}
+    for node, _ in terms:
+        added = node.args[2]
+        other = summed.get((tables[node], added.args[1])) if added.op == "sub" and once(added) else None
+        # the weights of two neighbours are 1 - w and w: the sum of both and that of the second are kept
+        if other is not None and other not in without and node not in without.values():
+            without[node] = other
+            inside.add(added)
+            uses[id(added.args[1])] -= 1
+    found = []
+    for node, offset in terms:
+        added = node.args[2].args[0] if node in without else node.args[2]
+        parts = tuple(_parts(added, False, once, inside))
+        found.append(TableSum(node, offset, tables[node], parts, without.get(node)))
+    return TableSums(home, index, tuple(found), frozenset(inside))
+
+
+def _parts(added: Node, minus: bool, once: Callable[[Node], bool], inside: set[Node]) -> Iterator[tuple[tuple[Node, ...], bool]]:
+    """What a number that is needed only here is a sum of; the nodes that are then not made go into `inside`."""
+    if added.op == "fma" and once(added):
+        a, b, rest = added.args
+        inside.add(added)
+        yield from _parts(rest, minus ^ added.data[1], once, inside)
+        yield (a, b), minus ^ added.data[0]
+    elif added.op == "mul" and once(added):
+        inside.add(added)
+        yield added.args, minus
+    elif added.op == "neg" and once(added):
+        inside.add(added)
+        yield from _parts(added.args[0], not minus, once, inside)
+    else:
+        yield (added,), minus
 
 
 def _sums_between(array: Node, result: Node, region: Region) -> list[tuple[Node, Region]] | None:

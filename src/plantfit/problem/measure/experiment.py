@@ -181,6 +181,15 @@ def before_in_units(recording: Recording, before: Mapping[str, float | str], wan
     return found
 
 
+def _line_to_write(name: str, have: str, unit: str) -> str:
+    """What to do about a recorded unit of another kind than the model's."""
+    degrees = {"C": "degC", "F": "degF"}.get(have)
+    if degrees is not None and units.compatible(degrees, unit):
+        line = f'units = {{ {name} = "{degrees}" }}'
+        return f"it is that of an electrical quantity, so for a temperature write {degrees} in the header, or {line}"
+    return "correct one of them"
+
+
 def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recording:
     """The named signals in the units that the model declares; signals without a unit are taken as they are."""
     signals, log = dict(recording.signals), list(recording.log)
@@ -198,6 +207,12 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
                 f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which is logarithmic, and the model's is in {unit!r}; "
                 f"convert the column to a linear unit, or declare {name!r} without a unit to compute with levels."
             )
+        if (plain := units.gauge(have)) is not None:
+            raise UnitError(
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which counts from the pressure of the surroundings, "
+                f'and the model\'s is in {unit!r}; write units = {{ {name} = "{plain}" }}, and for absolute pressures beside it '
+                f'clean = [{{ step = "subtract", signal = "{name}", amount = -{units.surroundings(plain):.6g} }}].'
+            )
         if have == units.difference_of(unit):
             signals[name] = Signal(signals[name].values, unit)
             log.append(f"{name}: differences in {have}, taken as they are for {unit}.")
@@ -206,7 +221,7 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             turns = units.dimension(have) == units.dimension(unit)
             raise UnitError(
                 f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which cannot be converted to the "
-                f"model's {unit!r}; {units.turns_said(have, unit) if turns else 'correct one of them'}."
+                f"model's {unit!r}; {units.turns_said(have, unit) if turns else _line_to_write(name, have, unit)}."
             )
         factor, offset = units.factor_offset(have, unit)
         if factor != 1.0 or offset != 0.0:

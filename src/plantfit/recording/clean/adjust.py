@@ -8,7 +8,7 @@ import numpy as np
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.clean.sampling import signal_of, with_signal
 from plantfit.recording.record import Recording
-from plantfit.units import difference_of, factor_offset, parse
+from plantfit.units import compatible, difference_of, equal, factor_offset, is_point, of_another_kind, parse
 
 
 def detrend(recording: Recording, name: str, kind: Literal["mean", "linear"] = "mean") -> Recording:
@@ -54,11 +54,21 @@ def scale(recording: Recording, name: str, factor: float, unit: str | None = Non
     gain = _number(factor, f"scale({name!r}): factor")
     if unit is not None:
         parse(unit)
+        _refuse_another_zero(name, signal.unit, unit)
     new = signal.unit if unit is None else unit
     sentence = (
         f"All {len(recording)} samples of {name!r} were multiplied by {gain:g}{f' and are now in {new}' if unit is not None else ''}."
     )
     return with_signal(recording, name, signal.values * gain, new, sentence)
+
+
+def _refuse_another_zero(name: str, old: str | None, new: str) -> None:
+    """No factor alone takes a temperature from one zero to another."""
+    if old is not None and not of_another_kind(old) and compatible(old, new) and (is_point(old) or is_point(new)) and not equal(old, new):
+        raise UnitError(
+            f"scale({name!r}): a factor alone does not take {old!r} to {new!r}, whose zero is another; write "
+            f'{{ step = "convert_units", units = {{ {name} = "{new}" }} }}.'
+        )
 
 
 def convert_units(recording: Recording, units: Mapping[str, str]) -> Recording:

@@ -11,7 +11,7 @@ from plantfit.recording.readers.columns import Column, Table, close_match, ident
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
 from plantfit.recording.record import Recording, Signal
-from plantfit.units import parse
+from plantfit.units import gauge, logarithmic, parse
 
 
 class Options(TypedDict, total=False):
@@ -146,13 +146,25 @@ def _with_given_units(
         except UnitError as error:
             raise UnitError(f"{table.source}: units gives {name!r} a unit that cannot be used: {error}") from None
         stated = units[name]
-        if stated is not None and parse(stated) != parse(unit):
+        if stated is not None and logarithmic(stated):
+            raise UnitError(
+                f"{table.source}: column {chosen[name].header!r} is in {stated!r}, which is logarithmic, but units says {unit!r} for "
+                f"{name!r}; convert the values of the column, or leave {name!r} out of units and declare it without a unit to "
+                "compute with levels."
+            )
+        if stated is not None and not _may_mean(stated, unit) and parse(stated) != parse(unit):
             raise UnitError(
                 f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units says {unit!r} for {name!r}; "
                 f"leave {name!r} out of units, or correct the header. A value in {stated!r} is converted to the unit of the model."
             )
         result[name] = unit
     return result
+
+
+def _may_mean(stated: str, unit: str) -> bool:
+    """Whether a unit in a header may be written for another one: bar of bar(g), and temperatures in "C" or "F"."""
+    plain = gauge(stated) or {"C": "degC", "F": "degF"}.get(stated)
+    return plain is not None and parse(plain) == parse(unit)
 
 
 def _in_order(

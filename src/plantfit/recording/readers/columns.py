@@ -11,7 +11,7 @@ import polars as pl
 
 from plantfit.errors import RecordingError
 from plantfit.recording.readers.quantities import quantity_over_unit
-from plantfit.units import DIMENSIONLESS, known, logarithmic
+from plantfit.units import DIMENSIONLESS, known, of_another_kind
 
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>.*)\))\s*$")
 
@@ -82,13 +82,13 @@ def split_header(header: str) -> tuple[str, str | None]:
     found = _BRACKETED.match(header.strip())
     if not found:
         below = header.rpartition("/")[2].strip() if "/" in header else ""
-        return quantity_over_unit(header.strip()) or (header.strip(), below if logarithmic(below) else None)
+        return quantity_over_unit(header.strip()) or (header.strip(), below if of_another_kind(below) else None)
     unit = (found["square"] if found["square"] is not None else found["round"]).strip()
     if found["round"] is not None and unit in DIMENSIONLESS and unit != "-":
         return header.strip(), None
     if known(unit):
         return found["name"].strip().removesuffix("/").rstrip(), unit
-    return header.strip(), unit if logarithmic(unit) else None
+    return header.strip(), unit if of_another_kind(unit) else None
 
 
 def unknown_unit(header: str) -> str | None:

@@ -43,7 +43,7 @@ def excite(
     if places["header"]:
         from plantfit.recording.excitation import to_c_header
 
-        written["header"] = str(to_c_header(made, places["header"], name, quantity("--step", limits["step"], unit)))
+        written["header"] = str(to_c_header(made, places["header"], name, quantity("--step", limits["step"], unit, difference=True)))
     if places["preview"]:
         written["preview"] = str(_preview(made, name, places["preview"]))
     crest = crest_factor(made[name])
@@ -90,7 +90,7 @@ def _settings(kind: str, make: Callable[..., Any], given: Mapping[str, Any], uni
             known = [f"--{p.replace('_', '-')}" for p in parameters if p in given]
             raise SpecError(f"{option} cannot be used with {kind}; it takes {', '.join(known)}.")
         if key in _UNITS or key in _LEVELS:
-            chosen[key] = quantity(option, value, _UNITS.get(key, unit))
+            chosen[key] = quantity(option, value, _UNITS.get(key, unit), difference=key == "dead_zone")
     for key, p in parameters.items():
         if p.default is p.empty and key != "amplitude" and key not in chosen:
             raise SpecError(f"A {kind} needs --{key.replace('_', '-')}.")
