@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plantfit as pf
-from plantfit.trust.verdict.words import estimate
+from plantfit.trust.verdict.words import estimate, interval
 
 
 @pytest.mark.parametrize(("error", "said"), [
@@ -28,3 +28,19 @@ def test_exact_data_give_exact_parameters_and_noisy_ones_do_not(noise):
     verdict = pf.fit(pf.Problem(model, record, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}), seed=1).verdict
     assert ("a = 1 (exact to rounding), b = 2 (exact to rounding)" in verdict) == (noise == 0)
     assert ("exact to rounding" in verdict) == (noise == 0)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "beside", "said"),
+    [
+        (0.1, 0.3, None, "0.1 to 0.3 V"),
+        (0.00179998, 0.00180003, None, "0.00179998 to 0.00180003 V"),
+        (-5.0, 5.0, None, "-5 to 5 V"),
+        (0.0, np.inf, None, "0 to inf V"),
+        (2.0, 2.0, None, "2 to 2 V"),
+        (1.98, 2.03, 1e-4, "1.98 to 2.03 V"),
+        (1.98761, 2.03449, 1e-4, "1.98761 to 2.03449 V"),
+    ],
+)
+def test_the_ends_of_an_interval_can_be_told_apart(low, high, beside, said):
+    assert interval(low, high, "V", beside=beside) == said

@@ -12,6 +12,7 @@ from plantfit.recording.record import Recording
 
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
 PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
+TURN = 10  # steps that a quantised signal falls on the way round, see `_turns`
 STUCK = 20  # equal samples
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
@@ -55,9 +56,11 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
         return
     runs, begins = _runs(values)
     usual = float(np.quantile(runs, 0.9))
-    clipped = set()
+    clipped, levels = set(), np.unique(values)
+    step = float(np.min(np.diff(levels)))
     for end, value in (("upper", high), ("lower", low)):
         at = (values[begins] == value) & (runs >= max(PLATEAU, PLATEAU * usual)) & (begins > 0)
+        at[at] = ~_turns(values, runs[at], begins[at], step)
         if np.any(at):
             clipped.add(value)
             count, first = int(runs[at].sum()), int(begins[at][0])
@@ -82,8 +85,7 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             float(times[begin]), float(times[begin + longest - 1]), _without(name, times, sorted((b, n) for n, b in stuck)),
             figures={"samples": float(longest)},
         )  # fmt: skip
-    levels = np.unique(values)
-    if len(levels) <= LEVELS * len(values) and (step := float(np.min(np.diff(levels)))) > COARSE * (high - low):
+    if len(levels) <= LEVELS * len(values) and step > COARSE * (high - low):
         yield Look(
             "quantised", "info", recording.name, name, f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
             f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
@@ -91,6 +93,18 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
     if (refreshed := refreshed_look(recording, name)) is not None:
         yield refreshed
     yield from _spikes(recording, name, values, times, unit)
+
+
+def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float) -> np.ndarray:
+    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round, (n,).
+
+    A parabola that lies within one step over n samples has fallen by 8 more where as many have gone by on either side.
+    """
+    before, after = begins - runs, begins + 2 * runs - 1
+    fallen = [np.abs(values[np.clip(at, 0, len(values) - 1)] - values[begins]) for at in (before, after)]
+    inside = [before >= 0, after < len(values)]
+    most = np.max([np.where(there, f, 0.0) for there, f in zip(inside, fallen, strict=True)], axis=0)
+    return (inside[0] | inside[1]) & (most <= TURN * step)
 
 
 def _without(name: str, times: np.ndarray, stuck: Sequence[tuple[int, int]]) -> str:

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, study_file, with_unit
+from plantfit.trust.verdict.words import Sentence, estimate, interval, number, say, some, study_file, with_unit
 
 Record = Mapping[str, Any]
 MOVED = 3  # parameters that are named with their figures
@@ -83,11 +83,11 @@ def _unseen(section: Record, rows: Sequence[Record], count: int) -> list[Sentenc
 def _wider(rows: Sequence[Record]) -> str:
     """The intervals that grew most, beside those by the noise alone."""
     grown = sorted(rows, key=lambda r: -(r["high"] - r["low"]) / max(r["by_noise"]["high"] - r["by_noise"]["low"], 1e-300))
-    shown = [
-        f"that of {r['name']} is {number(r['low'])} to {with_unit(r['high'], r['unit'])} instead of {number(r['by_noise']['low'])} to "
-        f"{number(r['by_noise']['high'])}"
-        for r in grown[:MOVED]
-    ]
+    shown = []
+    for r in grown[:MOVED]:
+        (low, high), width = (r["by_noise"][end] for end in ("low", "high")), r["high"] - r["low"]
+        own = interval(r["low"], r["high"], r["unit"], beside=high - low)
+        shown.append(f"that of {r['name']} is {own} instead of {interval(low, high, beside=width)}")
     return "; ".join(shown) + (f"; {some([r['name'] for r in grown[MOVED:]])} likewise" if len(grown) > MOVED else "")
 
 

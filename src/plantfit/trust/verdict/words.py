@@ -40,6 +40,14 @@ def span(values: Sequence[float], unit: str | None) -> str:
     return with_unit(low, unit) if number(low) == number(high) else f"{number(low)} to {with_unit(high, unit)}"
 
 
+def interval(low: float, high: float, unit: str | None = None, *, beside: float | None = None) -> str:
+    """`0.1 to 0.3 V`, in as many digits as tell the ends apart, or what is narrower `beside` it, in two figures."""
+    width, size = min(high - low, high - low if beside is None else beside), max(abs(low), abs(high))
+    apart = int(np.ceil(np.log10(size / width))) + 2 if 0 < width < np.inf and np.isfinite(size) else 3
+    digits = min(max(3, apart), 15)
+    return f"{number(low, digits)} to {number(high, digits)}{f' {unit}' if unit and unit != '1' else ''}"
+
+
 def some(names: Sequence[str], most: int = NAMED) -> str:
     """`a, b and c`; of a long list the first, and how many more."""
     if len(names) > most:
