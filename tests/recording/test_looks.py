@@ -335,21 +335,23 @@ def test_a_closed_loop_is_told_though_its_input_is_read_in_steps():
     assert with_it == without >= 8
 
 
-def _turning(rng: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Sums of sines and the step of an encoder that reads them."""
+def _turning(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times, sums of sines and the step of an encoder that reads them."""
     t = np.arange(rng.integers(200, 3000)) * 10 ** rng.uniform(-3, -1.5)
     waves = zip(rng.uniform(0.2, 1, 4), rng.uniform(0.2, 3, 4), rng.uniform(0, 6, 4), strict=True)
     y = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in waves) + rng.choice([0.0, 5.0]) * t
-    return y, np.ptp(y) / 10 ** rng.uniform(2, 5)
+    return t, y, np.ptp(y) / 10 ** rng.uniform(2, 5)
 
 
 def test_an_encoder_that_turns_round_is_not_clipped_and_one_that_ends_is():
     """Equal samples where a smooth angle turns are the steps of its encoder; each record beside itself cut off at a height of its own."""
     rng, alarms, told = np.random.default_rng(1), 0, 0
     for _ in range(200):
-        y, step = _turning(rng)
+        t, y, step = _turning(rng)
         cut_off = np.minimum(y, np.quantile(y, rng.uniform(0.8, 0.98)))
-        found = [any(k.kind == "clipped" for k in signal_looks(recorded(np.round(v / step) * step), "y", True)) for v in (y, cut_off)]
+        found = [
+            any(k.kind == "clipped" for k in signal_looks(recorded(np.round(v / step) * step, 0 * t, t), "y", True)) for v in (y, cut_off)
+        ]
         alarms, told = alarms + found[0], told + found[1]
     assert alarms <= 4  # 15 before the way to the turn was looked at
     assert told >= 190
