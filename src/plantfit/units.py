@@ -188,7 +188,18 @@ def _parse(text: str) -> "pint.Unit":
         raise UnitError(f"{text!r} is not a known unit{_suggestion(spelled, error)}") from None
     if any("decibel" in name or "neper" in name or name in ("decade", "octave") for name in found._units):
         raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
+    if not _has_a_size(found):
+        raise UnitError(f"Unit {text!r} is too large or too small to be a number of SI units; write for example 'mm**2' or 'rad/s'.")
     return found
+
+
+def _has_a_size(unit: "pint.Unit") -> bool:
+    """Whether the unit is a number of base units: a mm to the power of 1e9 is 0 of them, a km too many."""
+    try:
+        size: Any = registry().get_base_units(unit)[0]
+    except OverflowError:
+        return False
+    return 0.0 < float(size) < math.inf
 
 
 def _spell(text: str) -> str:

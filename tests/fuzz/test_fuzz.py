@@ -131,6 +131,12 @@ def test_a_matlab_file_at_which_the_reader_of_scipy_crashes_is_refused(tmp_path)
         read(tmp_path / "x.mat")
 
 
+def test_a_study_with_a_unit_that_has_no_size_is_refused(tmp_path):
+    """'m**1e9' where seconds are needed: in other units of length, which are tried then, its size is 0."""
+    outcome, said = fed("toml", drawn("toml", 1, 5880), tmp_path)
+    assert (outcome, "A delay must be in s" in said) == ("refused", True)
+
+
 def test_a_board_with_numbers_beyond_all_bounds_is_refused():
     for head in (("H", 1, "b", "1", 7, 1, "9" * 400, 64, 1), ("H", 1, "b", "1", 7, 1, 5, 64, 10**9), ("H", 1, "b", "1", 7, 1, 5, 64, 257)):
         hello = Hello()

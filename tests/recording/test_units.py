@@ -51,6 +51,12 @@ def test_close_match_is_named():
         units.parse("rmp")
 
 
+@pytest.mark.parametrize("unit", ["mm**1e9", "um**60", "km**1e9"])
+def test_a_unit_whose_size_is_no_number_is_refused(unit):
+    with pytest.raises(UnitError, match="is too large or too small to be a number of SI units"):
+        units.parse(unit)
+
+
 @pytest.mark.parametrize(
     ("a", "b"),
     [

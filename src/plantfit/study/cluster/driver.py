@@ -111,8 +111,12 @@ def _silent(package: str) -> Iterator[None]:
 @contextmanager
 def _client(distributed: Any, address: str, workers: int | None) -> Iterator[Any]:
     if address == LOCAL:
+        import dask.config
+
         count = workers or sensible_workers()
         with (
+            # after 15 s dask closes the nanny of a lost worker, on a busy machine while it is starting it anew
+            dask.config.set({"distributed.deploy.lost-worker-timeout": "7 days"}),
             distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
@@ -224,9 +228,7 @@ class _Driver:
         self.looked_at = time.monotonic()
         self.workers = self.client.nthreads()
         if self.ours is not None:
-            wanted = len(self.ours.worker_spec)
-            if len(self.workers) < wanted:
-                self.ours.scale(wanted)  # dask gives up a worker that is not back within 15 s, on a busy machine one after the other
+            self._start_again(self.ours)
         elif not self.workers:
             self._say_once("The cluster has no worker yet; waiting for one (start it with `dask worker ADDRESS --nthreads 1`).")
         for worker, threads in self.workers.items():
@@ -239,6 +241,14 @@ class _Driver:
             self._count_loss(self.sent[worker].claim)
             self.say(f"Worker {worker} was lost; another goes on with its task.")
             self._give_back(worker)
+
+    def _start_again(self, cluster: Any) -> None:
+        """A nanny starts its worker anew; one that has given up is replaced, and nobody else would do it."""
+        if len(self.workers) < len(cluster.worker_spec):
+            for name, nanny in list(cluster.workers.items()):
+                if nanny.status.name in ("closed", "failed"):
+                    cluster.workers.pop(name, None)
+            cluster.scale(len(cluster.worker_spec))
 
     def _count_loss(self, claim: Claim) -> None:
         """A task that ends every worker before its next checkpoint must not go round for ever."""
