@@ -69,12 +69,12 @@ class RegionEmitter:
             if node.op in ("cload", "xload") and node not in self._ahead:
                 self._read(node)
         kept = self._places.of(region, apart=self._apart)
-        own = set(region.code)
-        for index in kept.indices:
+        made, places, own = kept.made, kept.indices, set(region.code)
+        for index in places:
             if index not in own:
                 self._places.arrive(index, kept)
         for node in region.code:
-            if node.op in ("cload", "xload") or node in kept.made:
+            if node.op in ("cload", "xload") or node in made:
                 pass
             elif node.op == "update":
                 emit_update(self.e, node, node in in_place)
@@ -86,7 +86,7 @@ class RegionEmitter:
                 self._cond(node, lent_on.get(node, {}))
             else:
                 self._emit_node(node)
-            if node in kept.indices:
+            if node in places:
                 self._places.arrive(node, kept)
 
     def _emit_node(self, node: Node) -> None:

@@ -24,8 +24,8 @@ class Kept:
     sums: Mapping[Node, TableSums]
 
     @property
-    def indices(self) -> set[Node]:
-        return {*self.reads, *self.sums}
+    def indices(self) -> list[Node]:
+        return list(dict.fromkeys([*self.reads, *self.sums]))
 
     @property
     def made(self) -> set[Node]:
@@ -77,7 +77,9 @@ class TablePlaces:
     ) -> None:
         e, kind = self.e, self.e.type_of(index.dtype, True)
         places = Row(e, index.dtype, now)
-        outer = {a for n in (reads.nodes if reads is not None else ()) if n.op != "load" for a in n.args if a not in reads.nodes}
+        own_nodes = reads.nodes if reads is not None else ()
+        # in the order of the code, so that the text of a loop is the same in every process
+        outer = dict.fromkeys(a for n in own_nodes if n.op != "load" for a in n.args if a not in own_nodes)
         given = {a: Row(e, a.dtype, e.lanes(a)) for a in outer if e.varies(a)}
         (counter,) = e.filled_slots("i64", ["0"])
         body, own, following, end = (e.name(stem) for stem in ("vector", "own", "following", "renewed"))
