@@ -110,3 +110,15 @@ def test_where_a_simulation_is_lost_the_sentence_names_shooting():
     assert "`shooting = 100` under [search]" in lost["sentence"]
     [repeated] = search_sentences({"basin_hits": 5, "starts": 5}, lost=True)  # a model that cannot, not a search that did not find
     assert "shooting" not in repeated["sentence"]
+
+
+def test_a_single_search_is_told_as_what_was_asked_for():
+    """Only where the budget did not end it, and where it ended at the answer."""
+    one = {"basin_hits": 1, "starts": 1}
+    [asked], [cut_off] = search_sentences(one, ended=True), search_sentences(one)
+    assert "as asked" in asked["sentence"]
+    assert "budget" not in asked["sentence"]
+    assert "give a larger budget" in cut_off["sentence"]
+    for extra in ({"basin_hits": 2, "starts": 2}, {"basin_hits": 1, "starts": 3}, {"basin_hits": 0, "starts": 1}):
+        [said] = search_sentences(extra, ended=True)
+        assert "as asked" not in said["sentence"]

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from plantfit.errors import Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.accuracy.verification import NOTHING
 from plantfit.trust.heterogeneity.sentences import answer_sentences
@@ -52,7 +53,9 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
-    yield from search_sentences(best.extra, flat, several, lost and not findings["simulation"].get("forgets"))
+    yield from search_sentences(
+        best.extra, flat, several, lost and not findings["simulation"].get("forgets"), best.status is Status.converged
+    )
     yield from agreement_sentences(findings)
 
 

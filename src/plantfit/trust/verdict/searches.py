@@ -33,13 +33,15 @@ def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
 
-def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False) -> Iterator[Sentence]:
+def search_sentences(
+    extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False, ended: bool = False
+) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
     costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
     With `lost`, a simulation does not follow its record, but does not forget its start either: segments may find what searches over all
-    of it do not.
+    of it do not. With `ended` the search made as many local searches as it was asked for, and its budget did not stop it.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
@@ -51,6 +53,11 @@ def search_sentences(extra: Mapping[str, Any], flat: bool = False, several: bool
     if starts == 0:
         more = "where parameters are not determined, a larger budget does not help" if flat else "give a larger one"
         yield say("warning", f"No local search came to its end within the budget: {more}.")
+        return
+    if ended and starts == hits == 1:
+        text = "One local search was made, as asked, and it ended at the answer: whether another optimum is better was not looked for. "
+        text += "`settings = { least_squares = { agree = 5 } }` under [search] looks for one."
+        yield say("info", text, hits=hits, starts=starts, optima=optima)
         return
     text = f"{_count(hits, starts)} from different starts ended {'at the best cost' if several else 'in the best optimum'}"
     if hits and optima > 1 and several:
