@@ -8,7 +8,7 @@ from plantfit.models import equations
 from plantfit.problem.shooting.forgetting import forgetting
 from plantfit.trust.verdict.searches import forgetting_sentences
 
-PLANTS = {
+PLANTS: dict[str, tuple[str, dict[str, float], float, bool]] = {
     # equations, initial states, seconds, and whether the start is forgotten
     "lag": ("x' = -a*x + u\ny = x", {"x": 1.0}, 20.0, False),
     "integrator": ("x' = v\nv' = u\ny = a*x", {"x": 0.0, "v": 0.1}, 20.0, False),
@@ -44,8 +44,8 @@ def _problem(text: str, states: dict[str, float], seconds: float) -> Problem:
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_only_growing_deviations_are_told(name):
-    *plant, forgets = PLANTS[name]
-    found = forgetting(_problem(*plant), np.array([0.5]))
+    text, states, seconds, forgets = PLANTS[name]
+    found = forgetting(_problem(text, states, seconds), np.array([0.5]))
     assert bool(found) == forgets, found
 
 
