@@ -18,6 +18,7 @@ Row = dict[str, Any]
 
 NOT_VISITED = "not visited"
 ROUGH = 0.25  # standard error over the value from which on it is only roughly known
+FREE = 1e3  # natural sizes, from which on an error may be what is assumed beside the data (`ranges.FAR`)
 CUT = 3.0  # times that of the range: a linearised standard error above it means nothing
 
 
@@ -76,11 +77,15 @@ def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] =
 def _free(c: Coordinate, local: Local, i: int, size: float) -> Row:
     """A row of an entry of a table or one of many coordinates, by its standard error without the box.
 
-    It is open where that is above its natural `size`; `low` and `high` are bounds of the search then.
+    It is open where that is above its natural `size`; `low` and `high` are bounds of the search then. Not a number whose interval lies
+    inside of the bounds: an offset near zero is known, however large its error is against it.
     """
     assert local.unboxed is not None
     value, error, bound = float(local.values[i]), float(local.unboxed[i]), local.at_bound[i]
     status = "at bound" if bound else _status(c, value, error, size)
+    inside = c.lower < value - 1.96 * error and value + 1.96 * error < c.upper and error < FREE * size
+    if status == "flat" and not c.index and inside:
+        status = "weak"
     end = (min(c.lower, value), max(c.upper, value)) if status == "flat" else (value - 1.96 * error, value + 1.96 * error)
     return {
         **_row(c, local, i),
