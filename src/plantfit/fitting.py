@@ -15,7 +15,7 @@ from plantfit.optimize import minimise
 from plantfit.optimize.contract import Host, Population
 from plantfit.problem.problem import Problem
 from plantfit.stages import Stated, begin, judged, judged_in_store, prepare, stated_in_file, stored_runs
-from plantfit.study.plan import Plan, default_budget
+from plantfit.study.plan import AFTER_SHOOTING, Plan, default_budget
 from plantfit.study.running import runner
 from plantfit.study.store.store import Store
 from plantfit.trust.finish.descent import gauss_newton as gauss_newton
@@ -70,7 +70,7 @@ def fit(
     check_errors(problem, stated[0])
     prepared = prepare(problem, shooting=shooting, seed=seed)
     if shooting is not None and method == "auto":
-        method, settings = "least_squares", {"agree": 1, **dict(settings or {})}
+        method, settings = AFTER_SHOOTING[0], {**AFTER_SHOOTING[1], **dict(settings or {})}
     budget = budget or default_budget(problem.space.dimension)
     started = time.perf_counter()
     if store is None:

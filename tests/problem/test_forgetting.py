@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from plantfit import Parameter, Problem, Recording, Signal
 from plantfit.models import equations
-from plantfit.problem.shooting.forgetting import forgetting
+from plantfit.problem.shooting.forgetting import forgetting, forgetting_of_lost
 from plantfit.trust.verdict.searches import forgetting_sentences
 
 PLANTS: dict[str, tuple[str, dict[str, float], float, bool]] = {
@@ -73,3 +74,33 @@ def test_the_sentence_names_the_lines_to_write():
         "`start` for each state",
     ):
         assert part in said["sentence"]
+
+
+WRONG = {  # what is fitted to a resonance, all of which settle or swing on
+    "lag": ("x' = (u - x)/a\ny = x", {"x": 0.0}),
+    "other resonance": ("x' = v\nv' = 40*a*(u - x) - 0.2*v\ny = x", {"x": 0.0, "v": 0.0}),
+    "pendulum": ("x' = v\nv' = -8*a*sin(x) - 0.2*v + u\ny = x", {"x": 0.0, "v": 0.0}),
+    "hardening": ("x' = v\nv' = 2*a*(u - x) - 0.1*v - x^3\ny = x", {"x": 0.0, "v": 0.0}),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("damping", [0.02, 0.3])
+def test_records_that_are_not_followed_for_other_reasons_are_left_alone(name, damping):
+    """Where multiple shooting joins a record, or does not, of a plant that forgets nothing."""
+    t = np.linspace(0, 60, 1500)
+    u = np.sign(np.sin(0.7 * t + 1))
+    y = lsim(([9.0], [1.0, 6.0 * damping, 9.0]), u, t)[1] + 0.02 * np.random.default_rng(0).normal(size=len(t))
+    assert forgetting_of_lost(_of(WRONG[name], t, u, y), np.array([0.5])) == []
+
+
+def _of(plant: tuple[str, dict[str, float]], t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Problem:
+    model = equations(
+        plant[0],
+        inputs={"u": None},
+        states={n: {"initial": v} for n, v in plant[1].items()},
+        outputs={"y": None},
+        parameters={"a": {"bounds": (0.05, 20.0)}},
+        check=False,
+    )
+    return Problem(model, Recording(t, {"u": Signal(u, None), "y": Signal(y, None)}, "run"), {"a": Parameter((0.05, 20.0), scale="log")})

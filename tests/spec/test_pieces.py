@@ -60,7 +60,7 @@ def test_pieces_of_uneven_samples_and_of_a_part(write):
         ("pieces = 1\nsplit = 0.5", "leave one of them out"),
         ("pieces = 1\nfit = [0, 5]\nvalidate = [6, 9]", "pieces"),
         ("pieces = 1\ninitial_time = -1", "initial_time"),
-        ("pieces = 0.1", "two samples at least"),
+        ("pieces = 0.1", "give a longer time"),
         ("pieces = 0", "pieces"),
         ('pieces = 5\n[recording.run-2]\nfile = "run.csv"', "rename one of them"),
     ],

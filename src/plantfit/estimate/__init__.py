@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from plantfit.estimate.filters.kalman import ekf, kalman_filter, ukf
     from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood, maximum_likelihood
     from plantfit.estimate.filters.noise import Noise
-    from plantfit.estimate.forward import free_start, windows
     from plantfit.estimate.instrumental import instrumental_variables
     from plantfit.estimate.inverse_dynamics import InverseDynamics, InverseFit
 
@@ -29,7 +28,6 @@ __all__ = [
     "Track",
     "compare_estimates",
     "ekf",
-    "free_start",
     "instrumental_variables",
     "kalman_filter",
     "maximum_likelihood",
@@ -38,7 +36,6 @@ __all__ = [
     "nis_test",
     "smoothed",
     "ukf",
-    "windows",
 ]
 
 names_of(
@@ -48,7 +45,6 @@ names_of(
         "comparison": "Comparison compare_estimates",
         "filters.consistency": "Consistency nees nees_test nis_test",
         "estimate": "Estimate",
-        "forward": "free_start windows",
         "instrumental": "instrumental_variables",
         "inverse_dynamics": "InverseDynamics InverseFit",
         "filters.kalman": "ekf kalman_filter ukf",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.gaps import fill_gaps
     from plantfit.recording.clean.levels import levels
     from plantfit.recording.clean.outliers import drop_outliers, drop_samples
-    from plantfit.recording.clean.parts import cut, shift_time, split
+    from plantfit.recording.clean.parts import cut, pieces, shift_time, split
     from plantfit.recording.clean.resampling import decimate, resample
     from plantfit.recording.clean.sampling import period_of
     from plantfit.recording.description import ColumnSummary, Description, describe
@@ -67,6 +67,7 @@ __all__ = [
     "odometry",
     "period_of",
     "period_to_speed",
+    "pieces",
     "presliding",
     "read",
     "read_csv",
@@ -104,7 +105,7 @@ names_of(
         "signals.moving_rms": "moving_rms",
         "signals.odometry": "odometry",
         "clean.outliers": "drop_outliers drop_samples",
-        "clean.parts": "cut shift_time split",
+        "clean.parts": "cut pieces shift_time split",
         "signals.presliding": "presliding",
         "signals.pwm": "duty_to_voltage",
         "readers.any_format": "read",

@@ -25,9 +25,6 @@ CLEANING = (
 )  # fmt: skip
 
 
-PART = 1e-9  # of a piece, by which a sample may miss its mark
-
-
 def recording_file(r: RecordingTable, path: Path) -> Path:
     """Where the file of a recording lies."""
     return Path(r.file) if Path(r.file).is_absolute() else path.parent / r.file
@@ -109,37 +106,17 @@ def experiments_of(name: str, r: RecordingTable, path: Path, files: Mapping[str,
     whole = experiment_of(name, r, path, files)
     if r.pieces is None:
         return {name: whole}
-    for key, given in (
-        ("validate", whole.validate),
-        ("steady", r.steady),
-        ("initial_time", r.initial_time),
-        ("fit = false", not whole.fit),
-    ):
+    beside = {"validate": whole.validate, "steady": r.steady, "initial_time": r.initial_time is not None, "fit = false": not whole.fit}
+    for key, given in beside.items():
         if given:
             raise SpecError(
                 f"{path.name}: recording.{name} has pieces, which are parts of what is fitted, and also {key}; leave one of them out. "
                 "An unseen part can stand in a table of its own, [recording.OTHER], with the same file."
             )
     assert whole.fit is not None
-    t = whole.recording.t[(whole.recording.t >= whole.fit[0]) & (whole.recording.t <= whole.fit[1])]
-    marks = piece_marks(t, r.pieces)
-    if len(t) < 2 or len(marks) > len(t) / 2:
-        span = float(t[-1] - t[0]) if len(t) else 0.0
-        raise SpecError(
-            f"{path.name}: recording.{name} has pieces = {r.pieces:g} s, but {len(t)} fitted samples over {span:g} s; give a time that "
-            "holds two samples at least."
-        )
-    edges = [float(t[0]), *(marks[1:] - PART * r.pieces), float(t[-1])]
-    every = (-np.inf, np.inf)
-    names = [f"{name}-{k}" for k in range(1, len(edges))]
-    records = [replace(rec.cut(whole.recording, a, b), name=n) for n, a, b in zip(names, edges, edges[1:], strict=False)]
-    return {n: replace(whole, recording=own, fit=every) for n, own in zip(names, records, strict=True)}
-
-
-def piece_marks(t: np.ndarray, seconds: float) -> np.ndarray:
-    """Where pieces of about so many seconds begin; t (n,) are the times of the fitted samples. All pieces are equally long."""
-    count = max(1, round(float(t[-1] - t[0]) / seconds)) if len(t) else 1
-    return t[0] + (t[-1] - t[0]) * np.arange(count) / count if len(t) else np.zeros(1)
+    with errors_at(f"{path.name}, [recording.{name}] pieces"):
+        cut = rec.pieces(rec.cut(whole.recording, *whole.fit), r.pieces)
+    return {own.name: replace(whole, recording=own, fit=(-np.inf, np.inf)) for own in cut}
 
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:

@@ -24,7 +24,7 @@ from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import counted_signals, experiments_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, RecordingTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
-from plantfit.study.plan import Plan, default_budget
+from plantfit.study.plan import AFTER_SHOOTING, Plan, default_budget
 from plantfit.trust.stated_errors.shared_error import SharedError
 
 if TYPE_CHECKING:
@@ -95,8 +95,9 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
 def _plan(table: SpecTable, problem: Problem, path: Path) -> Plan:
     search = table.search
     methods, settings = tuple(search.methods), search.settings
-    if search.shooting is not None and methods == ("auto",):  # shooting has found the basin: one descent from there, as `fit` does
-        methods, settings = ("least_squares",), {**settings, "least_squares": {"agree": 1, **settings.get("least_squares", {})}}
+    if search.shooting is not None and "methods" not in search.model_fields_set and "auto" not in settings:
+        method, own = AFTER_SHOOTING
+        methods, settings = (method,), {**settings, method: {**own, **settings.get(method, {})}}
     try:
         for method in methods:
             make(method, **settings.get(method, {}))

@@ -16,7 +16,7 @@ from plantfit.findings.whole import VERSION, Findings
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.accuracy.verification import error_of, least_exact
 from plantfit.problem.problem import Problem
-from plantfit.problem.shooting.forgetting import forgetting
+from plantfit.problem.shooting.forgetting import forgetting_of_lost
 from plantfit.simulate.check.verify import by_doubling
 from plantfit.simulate.simulator import Drive
 from plantfit.study.comparing.basins import basins
@@ -283,7 +283,7 @@ def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: boo
             rms_residual=float(np.sqrt(np.mean(residual**2))),
         )
     bad = {s.recording for s in scores if s.part == "fit" and s.fit_percent is not None and s.fit_percent < FOLLOWED}
-    forgets = [f for f in forgetting(problem, z) if f.recording in bad] if bad else []
+    forgets = [f for f in forgetting_of_lost(problem, z) if f.recording in bad] if bad else []
     return Simulation(
         stepper=simulator.stepper,
         substeps=problem.steps_a_sample,

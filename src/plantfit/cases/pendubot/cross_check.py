@@ -13,14 +13,14 @@ from plantfit.estimate import (
     InverseDynamics,
     InverseFit,
     compare_estimates,
-    free_start,
-    windows,
 )
 from plantfit.fitting import estimate_at, gauss_newton
+from plantfit.models.extensions import with_extensions
 from plantfit.models.library.pendubot import motor_torque, pendubot, pendubot_regression
 from plantfit.models.library.pendubot_terms import BASE_UNITS, base_values
 from plantfit.problem import Problem
 from plantfit.problem.shooting.start import Shooting, Shot
+from plantfit.recording.clean.parts import pieces
 from plantfit.recording.record import Recording
 from plantfit.rig import PendubotRig
 from plantfit.space import Parameter
@@ -65,10 +65,11 @@ def forward_fit(recording: Recording, length: float = 1.0, step: float = 2 * np.
     Starts are drawn from the box of the physical parameters, where the mass matrix is positive, until two shots agree. Raises
     SearchError when no two of `starts` do.
     """
-    parameters = {f"{n}_start": Parameter((-s, s), per_recording=True) for n, s in SPREAD.items()}
+    parameters = {f"start_{n}": Parameter((-s, s), per_recording=True) for n, s in SPREAD.items()}
     scales = {n: float(step / np.sqrt(12.0)) for n in ("theta1", "theta2")}
-    model = free_start(pendubot("base", drive="voltage"), SPREAD)
-    problem = Problem(model, windows(recording, length), parameters, stepper="rk4", substeps=1, scales=scales)
+    model = with_extensions(pendubot("base", drive="voltage"), {"start": {n: (-s, s) for n, s in SPREAD.items()}})
+    records = {piece.name: piece for piece in pieces(recording, length)}
+    problem = Problem(model, records, parameters, stepper="rk4", substeps=1, scales=scales)
     shooting, rng, shots = Shooting.of(problem, length=min(0.1, length)), np.random.default_rng(seed), []
     for _ in range(starts):
         shots.append(shooting.solve(_start(problem, rng)))

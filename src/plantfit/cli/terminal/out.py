@@ -61,9 +61,10 @@ def doing(what: str) -> Iterator[None]:
         told.cancel()
 
 
-def preparing(name: str) -> AbstractContextManager[None]:
-    """A line while the problem of a study is made ready."""
-    return doing(f"{name}: chooses how long the steps of its simulation are")
+def preparing(name: str, shooting: int | None = None) -> AbstractContextManager[None]:
+    """A line while the problem of a study is made ready, with so many segments of multiple `shooting`."""
+    start = "" if shooting is None else f", and joins {shooting} segments of each record to find a start"
+    return doing(f"{name}: chooses how long the steps of its simulation are{start}")
 
 
 def warn(sentence: str) -> None:

@@ -28,7 +28,7 @@ def ready(study: "Study", number: int | None) -> Ready:
     from plantfit.rebuild import prepared_study
 
     demand_search(study)
-    with preparing(study.name):
+    with preparing(study.name, study.table.search.shooting):
         return Ready(study, prepared_study(study), number)
 
 

@@ -88,6 +88,24 @@ class Emitter(FunctionText):
         self.vectors = vectors
         self._values.update(before)
 
+    @contextmanager
+    def each_vector(self, wanted: Callable[[str], str]) -> Iterator[str]:
+        """Within, one vector of a block after another is worked off, those for whose place `wanted` gives a true i1; the place."""
+        (counter,) = self.filled_slots("i64", ["0"])
+        body, some, following, end = (self.name(stem) for stem in ("vector", "some", "next", "done"))
+        self.line(f"br label %{body}")
+        self.label(body)
+        u = self.put(f"load i64, ptr {counter}")
+        self.line(f"br i1 {wanted(u)}, label %{some}, label %{following}")
+        self.label(some)
+        yield u
+        self.line(f"br label %{following}")
+        self.label(following)
+        more = self.put(f"add i64 {u}, 1")
+        self.line(f"store i64 {more}, ptr {counter}")
+        self.line(f"br i1 {self.put(f'icmp slt i64 {more}, {self.vectors}')}, label %{body}, label %{end}")
+        self.label(end)
+
     # -- memory -------------------------------------------------------------------------------------
 
     def bind(self, node: Node, storage: Storage) -> None:

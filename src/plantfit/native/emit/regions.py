@@ -207,27 +207,19 @@ class RegionEmitter:
         del e.lines[start:]
         given |= {n: Row(e, n.dtype, e.value(n)) for n in outer if n not in given}
         mask, found = Row(e, BOOL, masks), [Row(e, get.dtype) for get in gets]
-        (counter,) = e.filled_slots("i64", ["0"])
-        body, some, following, end = (e.name(stem) for stem in ("vector", "some", "next", "done"))
-        e.line(f"br label %{body}")
-        e.label(body)
-        u = e.put(f"load i64, ptr {counter}")
-        own, before = mask.load(u), (self._ahead, self._apart)
-        with e.one_vector({}), e.active(None):
-            e.line(f"br i1 {e.any_lane([own])}, label %{some}, label %{following}")
-        e.label(some)
-        self._ahead, self._apart = self._ahead | set(loads), True
-        with e.one_vector({n: row.load(u) for n, row in given.items()}), e.active([own]):
-            self.emit(region)
-            for get, row in zip(gets, found, strict=True):
-                row.store(u, e.lanes(region.results[get.data])[0])
-        self._ahead, self._apart = before
-        e.line(f"br label %{following}")
-        e.label(following)
-        more = e.put(f"add i64 {u}, 1")
-        e.line(f"store i64 {more}, ptr {counter}")
-        e.line(f"br i1 {e.put(f'icmp slt i64 {more}, {e.vectors}')}, label %{body}, label %{end}")
-        e.label(end)
+        before = self._ahead, self._apart
+
+        def wanted(u: str) -> str:
+            with e.one_vector({}), e.active(None):
+                return e.any_lane([mask.load(u)])
+
+        with e.each_vector(wanted) as u:
+            self._ahead, self._apart = self._ahead | set(loads), True
+            with e.one_vector({n: row.load(u) for n, row in given.items()}), e.active([mask.load(u)]):
+                self.emit(region)
+                for get, row in zip(gets, found, strict=True):
+                    row.store(u, e.lanes(region.results[get.data])[0])
+            self._ahead, self._apart = before
         return [[row.load(str(i)) for i in range(e.vectors)] for row in found]
 
     def _result_place(self, get: Node, lent: Node | None) -> Place:

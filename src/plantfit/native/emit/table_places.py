@@ -81,26 +81,16 @@ class TablePlaces:
         # in the order of the code, so that the text of a loop is the same in every process
         outer = dict.fromkeys(a for n in own_nodes if n.op != "load" for a in n.args if a not in own_nodes)
         given = {a: Row(e, a.dtype, e.lanes(a)) for a in outer if e.varies(a)}
-        (counter,) = e.filled_slots("i64", ["0"])
-        body, own, following, end = (e.name(stem) for stem in ("vector", "own", "following", "renewed"))
-        e.line(f"br label %{body}")
-        e.label(body)
-        u = e.put(f"load i64, ptr {counter}")
-        place, old = places.load(u), before.load(u)
-        moved = e.put(f"icmp ne {kind} {place}, {old}")
-        e.line(f"br i1 {e.any_lane([moved])}, label %{own}, label %{following}")
-        e.label(own)
-        if sums is not None:
-            self._sums.renew(sums, u, old, moved)
-        if reads is not None:
-            self._read(reads, u, place, given, slots)
-        before.store(u, place)
-        e.line(f"br label %{following}")
-        e.label(following)
-        more = e.put(f"add i64 {u}, 1")
-        e.line(f"store i64 {more}, ptr {counter}")
-        e.line(f"br i1 {e.put(f'icmp slt i64 {more}, {e.vectors}')}, label %{body}, label %{end}")
-        e.label(end)
+
+        def moved(u: str) -> str:
+            return e.put(f"icmp ne {kind} {places.load(u)}, {before.load(u)}")
+
+        with e.each_vector(lambda u: e.any_lane([moved(u)])) as u:
+            if sums is not None:
+                self._sums.renew(sums, u, before.load(u), moved(u))
+            if reads is not None:
+                self._read(reads, u, places.load(u), given, slots)
+            before.store(u, places.load(u))
 
     def _read(self, reads: TableReads, u: str, place: str, given: Mapping[Node, Row], slots: Mapping[Node, Row]) -> None:
         """The entries of vector u at its new places, and what follows from them."""

@@ -5,13 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.errors import SearchError, SimulationError
 from plantfit.problem.problem import Problem
+from plantfit.problem.shooting.start import Shooting
 from plantfit.simulate.simulator import Drive
 
 import jax
 
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
 FORGOTTEN = 1e3  # times a deviation grows, from which on the start is forgotten: a thousandth of the motion becomes all of it
+SEGMENTS, SHORTEST = 100, 5  # of the longest record, and samples of each at least
+STARTS = 4  # of multiple shooting
+LONG, MANY = 20_000, 60  # samples of all records, and coordinates, beyond which that takes too long
+BETTER = 0.1
 
 
 @dataclass(frozen=True)
@@ -21,6 +27,24 @@ class Forgetting:
     recording: str
     growth: float
     tenfold: float
+
+
+def forgetting_of_lost(problem: Problem, z: np.ndarray) -> list[Forgetting]:
+    """The recordings that forget their start, of a problem whose records are not followed at the cube point z (d,).
+
+    A search may end where the model does not move as the plant does, and deviations do not grow. So where none is found at z, they are
+    looked for where multiple shooting joins the records, if it does so at less than `BETTER` of the cost.
+    """
+    if found := forgetting(problem, z):
+        return found
+    samples = [len(d.t) for d in problem.data["drive"].values() if isinstance(d, Drive)]
+    if not samples or max(samples) < 2 * SHORTEST or sum(samples) > LONG or problem.space.dimension > MANY:
+        return []
+    try:
+        shot = Shooting.of(problem, segments=min(SEGMENTS, max(samples) // SHORTEST)).search(starts=STARTS)
+    except (SearchError, SimulationError):  # models that it does not take, or that cannot be simulated in segments either
+        return []
+    return forgetting(problem, shot.z) if shot.closed and shot.cost < BETTER * float(problem.costs(z[None])[0]) else []
 
 
 def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:

@@ -5,6 +5,8 @@ import numpy as np
 from plantfit.errors import RecordingError
 from plantfit.recording.record import Recording, Signal
 
+PART = 1e-9  # of a piece, by which a sample may miss its mark
+
 
 def cut(recording: Recording, start: float | None = None, stop: float | None = None) -> Recording:
     """The samples with start <= t <= stop in seconds; times stay as they are. Raises RecordingError when none is left."""
@@ -40,6 +42,32 @@ def split(recording: Recording, share: float) -> tuple[Recording, Recording]:
     return train, valid
 
 
+def pieces(recording: Recording, seconds: float) -> list[Recording]:
+    """The recording in pieces of about `seconds`, all equally long and none of its samples left out, named NAME-1, NAME-2, ...
+
+    Raises RecordingError for a time that does not hold two samples.
+    """
+    t, count = recording.t, len(recording)
+    span = float(t[-1] - t[0])
+    number = max(1, round(span / seconds)) if np.isfinite(seconds) and seconds > 0 else count
+    if number > count / 2:
+        raise RecordingError(
+            f"Recording {recording.name!r} has {count} samples over {span:g} s, and pieces of {seconds:g} s do not hold two samples each; "
+            "give a longer time."
+        )
+    marks = np.searchsorted(t, t[0] + span * (np.arange(1, number) / number) - PART * seconds)
+    found = []
+    for k, rows in enumerate(np.split(np.arange(count), marks), 1):
+        if len(rows) < 2:
+            raise RecordingError(
+                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has {len(rows)} of the 2 samples "
+                f"that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and after a gap."
+            )
+        sentence = f"Piece {k} of {number}: {len(rows)} of {count} samples, from {t[rows[0]]:g} s to {t[rows[-1]]:g} s."
+        found.append(_rows(recording, np.isin(np.arange(count), rows), f"{recording.name}-{k}", sentence))
+    return found
+
+
 def shift_time(recording: Recording, seconds: float | None = None) -> Recording:
     """Add `seconds` to all times; left out, the recording starts at 0."""
     by = -float(recording.t[0]) if seconds is None else float(seconds)
@@ -47,6 +75,10 @@ def shift_time(recording: Recording, seconds: float | None = None) -> Recording:
         raise RecordingError(f"shift_time: seconds is {seconds!r}; give a finite number.")
     sentence = f"All {len(recording)} times were shifted by {by:g} s."
     return Recording(recording.t + by, recording.signals, recording.name, (*recording.log, sentence), recording.clocked)
+
+
+def _samples(count: int) -> str:
+    return "1 sample" if count == 1 else f"{count} samples"
 
 
 def _rows(recording: Recording, keep: np.ndarray, name: str, sentence: str) -> Recording:
