@@ -163,6 +163,7 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
     from plantfit.trust.finish.descent import descent
+    from plantfit.trust.finish.start_corrections import with_start_corrections
     from plantfit.trust.intervals.follow.following import followed_ranges
     from plantfit.trust.intervals.linearised import linearise
     from plantfit.trust.intervals.parameter_rows import parameter_rows
@@ -178,6 +179,7 @@ def fits(name: str, seeds: Sequence[int]) -> list[dict]:
             if len(ends) >= rig.searches and min(d.cost for d in ends) <= most * (1 + 1e-6):
                 break
         best, *others = sorted(ends, key=lambda d: d.cost)
+        problem, best = with_start_corrections(problem, best)  # as `finish` does it
         local = linearise(problem, best.z)
         assert local.linear is not None
         ranges = followed_ranges(problem, best.z, local.linear, 0.0, [d.z for d in others])

@@ -72,7 +72,7 @@ class Predictor:
             return {o: c[cut] for o, c in self.model.blocks({n: r[n] for n in self.model.signals}).items()}
         if experiment.steady:
             return AtRest(tuple(np.asarray(r[n][cut], dtype=float) for n in self.model.inputs))
-        return self.stepping().drive(
+        drive = self.stepping().drive(
             r.t[cut],
             {n: r[n][cut] for n in self.model.inputs},
             before=before_in_units(r, experiment.before, self.needs),
@@ -81,6 +81,9 @@ class Predictor:
             initial_time=experiment.initial_time,
             mesh=mesh,
         )
+        moved = experiment.start_corrections
+        first = zip(self.model.outputs, drive.first_output, strict=True)
+        return drive._replace(first_output=tuple(y + moved[o] if o in moved else y for o, y in first))
 
     def outputs(self, p: Mapping[str, Any], drive: Any) -> dict[str, Any]:
         """Every output at every sample, name -> (n,)."""

@@ -21,7 +21,7 @@ from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
 from plantfit.problem.evaluate.record_by_record import RecordByRecord
 from plantfit.problem.evaluate.smoothing import Smoothed, Smoothing
 from plantfit.problem.evaluate.triangle import compressed, triangle
-from plantfit.problem.measure.experiment import experiments_of, in_units
+from plantfit.problem.measure.experiment import Experiment, experiments_of, in_units
 from plantfit.problem.measure.fitted_parts import FittedParts
 from plantfit.problem.measure.recorded_units import recorded_units
 from plantfit.problem.measure.scale_source import GIVEN, ScaleSource
@@ -235,8 +235,19 @@ class Problem:
         """
         if set(recordings) != set(self.experiments):
             raise RecordingError(f"with_recordings got {sorted(recordings)}; give one for each of {list(self.experiments)}.")
-        experiments = {n: e.on(in_units(recordings[n], self.needs)) for n, e in self.experiments.items()}
-        other = self._variant(experiments=experiments, _compiled={})
+        return self._with_numbers({n: e.on(in_units(recordings[n], self.needs)) for n, e in self.experiments.items()})
+
+    def with_starts(self, corrections: Mapping[str, Mapping[str, float]]) -> "Problem":
+        """The same problem with other `Experiment.start_corrections`, by recording and output; none of recordings that are left out."""
+        return self._with_numbers({n: replace(e, start_corrections=corrections.get(n, {})) for n, e in self.experiments.items()})
+
+    @property
+    def start_corrections(self) -> dict[str, dict[str, float]]:
+        """By recording and output what is added to first measured values, of recordings that have such."""
+        return {n: dict(e.start_corrections) for n, e in self.experiments.items() if e.start_corrections}
+
+    def _with_numbers(self, experiments: Mapping[str, Experiment]) -> "Problem":
+        other = self._variant(experiments=dict(experiments), _compiled={})
         other._prepare()
         self.compiled  # noqa: B018  made now, so that whatever is compiled later serves both
         kept = dict(self._compiled)

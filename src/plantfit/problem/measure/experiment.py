@@ -29,6 +29,8 @@ class Experiment:
     `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds), `rounded` inputs
     that were read in steps of such a size; 0 says that there are none, as of a command. Standard errors allow for both
     (`trust/intervals/input_steps.py`).
+    `start_corrections` are added to first measured values of outputs (their unit) where states begin at them: the fit's estimate of the
+    noise in that one sample (`trust/finish/start_corrections.py`). What is measured stays.
     """
 
     recording: Recording
@@ -41,6 +43,7 @@ class Experiment:
     initial_time: float | None = None
     counted: Mapping[str, float] = field(default_factory=dict)
     rounded: Mapping[str, float] = field(default_factory=dict)
+    start_corrections: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._check_steps()

@@ -16,6 +16,7 @@ from plantfit.simulate.simulator import Drive
 from plantfit.study.comparing.basins import basins
 from plantfit.trust.finish.descent import STEPS, Descent, descent, polished
 from plantfit.trust.finish.smoothing_strength import choose_strengths
+from plantfit.trust.finish.start_corrections import with_start_corrections
 from plantfit.trust.finish.weights import weighed
 
 SEARCHES = 100  # runs that a local search goes on from, at most
@@ -187,6 +188,8 @@ def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Des
     A search that `ended` there already gets its last digits only.
     """
     problem, last = _weighed(problem, polished(problem, z) if ended else descent(problem, z))
+    begun = with_start_corrections(problem, last)
+    problem, last = (problem, last) if begun[0] is problem else _weighed(*begun)
     for _ in range(ROUNDS):
         finer = refined_at(problem, last.z)
         if finer is problem:

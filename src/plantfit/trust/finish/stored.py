@@ -24,7 +24,7 @@ from plantfit.problem.problem import Problem
 from plantfit.study.store.codec import to_blob, to_json
 from plantfit.study.versions import cpu_model, versions
 
-EDITION = 1  # of the bytes below
+EDITION = 2  # of the bytes below
 DIGEST = hashlib.sha256().digest_size
 
 
@@ -61,6 +61,7 @@ def finish_bytes(key: str, final: Problem, results: Sequence[RunResult]) -> byte
         "mesh": {name: _text(t) for name, t in final.mesh.items()},
         "scales": {output: float(scale) for output, scale in final.scales.items()},
         "sources": {output: list(source) for output, source in final.scale_sources.items()},
+        "starts": final.start_corrections,
         "strengths": None if smoothing is None else [[*name, float(value)] for name, value in smoothing.strengths.items()],
         "x": _text(np.array([r.x for r in results])),
         "cost": _text([r.cost for r in results]),
@@ -88,6 +89,8 @@ def _final(problem: Problem, found: dict[str, Any]) -> Problem:
         problem = problem.with_simulator(replace(simulator, stepper=stepper, substeps=substeps))
     if found["mesh"] or problem.mesh:
         problem = problem.with_mesh({name: _values(found["mesh"][name]) for name in problem.whole_drives if name in found["mesh"]})
+    if found["starts"]:
+        problem = problem.with_starts(found["starts"])
     if found["strengths"] is not None:
         problem = problem.with_smoothing({(parameter, signal): value for parameter, signal, value in found["strengths"]})
     chosen = {output: ScaleSource(*source) for output, source in found["sources"].items()}

@@ -94,6 +94,8 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
 
 def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]) -> FirstValues | None:
     """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
+    if problem.start_corrections:
+        return None  # estimated beside the parameters, as free starts would be
     names = problem.space.names
     known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
     widest = max(known, key=lambda i: linear.begun[i], default=None)

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.evaluate.points import residuals
+from plantfit.problem.evaluate.points import residuals, residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.trust.intervals.covariance import Block
 
 STEP = 1e-3  # of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
+ROUNDING = 1e-9  # of the information that one sample has of its noise
 LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
@@ -23,9 +24,30 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
     The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where states do not begin
     at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
     where the measurement says.
+
+    Where the fit has estimated this noise (`finish.start_corrections`), columns are what is left of it: the covariance that they add is
+    that which the estimates of starts share with the parameters, by the inverse in blocks.
     """
-    columns = [e.column for e in value_effects(problem, z, blocks)]
-    return np.stack(columns, axis=1) if columns else np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
+    effects = value_effects(problem, z, blocks)
+    if not effects:
+        return np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
+    columns = np.stack([e.column for e in effects], axis=1)
+    estimated = np.array([e.output in problem.start_corrections.get(e.recording, ()) for e in effects])
+    if not np.any(estimated):
+        return columns
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    own = beside(jacobian, columns[:, estimated])
+    variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(z)), 1e-300)
+    known = np.array([0.0 if is_scored(problem, e) else 1.0 for e, moved in zip(effects, estimated, strict=True) if moved])
+    root = np.linalg.cholesky(own.T @ own / variance + np.diag(np.maximum(known, ROUNDING)))
+    columns[:, estimated] = np.linalg.solve(root, columns[:, estimated].T).T
+    return columns
+
+
+def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """What parameters with derivatives (m, d) cannot take up of the columns (m, k)."""
+    scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=1e-12)[0]
 
 
 class ValueEffect(NamedTuple):
@@ -56,6 +78,13 @@ def value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> l
     return found
 
 
+def is_scored(problem: Problem, effect: ValueEffect) -> bool:
+    """Whether the first value is a sample of the fit, whose residual tells how far off the start is."""
+    measured = np.flatnonzero(np.isfinite(problem.experiments[effect.recording].recording[effect.output]))
+    index = problem.data["index"][effect.recording][effect.output]
+    return bool(len(index) and index[0] == measured[0])
+
+
 def _used(problem: Problem, z: np.ndarray) -> list[str]:
     """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
     if not problem.predictor.has_steps:
@@ -83,14 +112,22 @@ def _noise(here: np.ndarray, rows: slice, problem: Problem, name: str, output: s
 
 
 def _moved(problem: Problem, output: str, noise: Mapping[str, float], step: float) -> Problem:
-    """The problem with the first measured value of one output moved in every recording, by so much of its noise."""
-    recordings = {}
+    """The problem with the first measured value of one output moved in every recording, by so much of its noise.
+
+    Where the fit corrects the start at it, the start is moved alone.
+    """
+    recordings, starts = {}, problem.start_corrections
     for name, experiment in problem.experiments.items():
-        record = experiment.recording
+        record = recordings[name] = experiment.recording
+        if output in starts.get(name, ()):
+            starts[name][output] += step * noise.get(name, 0.0)
+            continue
         y = np.array(record[output], dtype=float)
         seen = np.flatnonzero(np.isfinite(y))
         if len(seen):
             y[seen[0]] += step * noise.get(name, 0.0)
         signals = {**record.signals, output: Signal(y, record.signals[output].unit)}
         recordings[name] = dataclasses.replace(record, signals=signals)
-    return problem.with_recordings(recordings)
+    if any(r is not problem.experiments[n].recording for n, r in recordings.items()):
+        problem = problem.with_recordings(recordings)
+    return problem.with_starts(starts) if starts else problem

@@ -12,7 +12,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.first_values import value_effects
+from plantfit.trust.intervals.first_values import beside, value_effects
 from plantfit.trust.intervals.linearised import named_blocks
 
 LARGEST = 4.0  # standard deviations of the noise that a first value may be off; more is no noise
@@ -30,14 +30,15 @@ def left_by_first_values(problem: Problem, z: np.ndarray) -> Mapping[tuple[str, 
 
     The likeliest errors of all first values, normally distributed with the noise of their outputs, beside what parameters take in.
     """
+    if problem.start_corrections:
+        return {}  # the fit has estimated these errors
     blocks = named_blocks(problem)
     effects = value_effects(problem, z, [block for _, _, block in blocks])
     if not effects:
         return {}
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     columns = np.stack([e.column for e in effects], axis=1)
-    norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    columns -= (jacobian / norms) @ np.linalg.lstsq(jacobian / norms, columns, rcond=1e-12)[0]
+    columns = beside(jacobian, columns)
     before = max(float(np.mean(residuals**2)), 1e-300)
     rest = residuals - columns @ np.linalg.lstsq(columns, residuals, rcond=1e-12)[0]
     size = max(float(np.mean(rest**2)), 1e-12 * before)

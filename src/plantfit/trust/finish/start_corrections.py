@@ -1,0 +1,111 @@
+"""States that begin at first measured values, without the noise of these samples.
+
+A state that begins at a measured value begins wrongly by the noise of that one sample, and so do the parameters that make up for it: the
+time constant of a step has 2.4 times the spread that its record allows. The noise is estimated together with the parameters, as a free
+start would be: the measured value is one sample of the output as the others are. Recordings that are not fitted begin where they are
+measured.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.problem import Problem
+from plantfit.trust.finish.descent import Descent, descent
+from plantfit.trust.intervals.first_values import ValueEffect, beside, is_scored, value_effects
+from plantfit.trust.intervals.linearised import named_blocks
+from plantfit.trust.validate.residual_tests import white_part
+
+LARGEST = 5.0  # times the sample-to-sample noise that a first value may be off; more is no noise, and the start stays where it was measured
+TAKEN_UP = 0.01  # of what a first value does to the residuals, below which the parameters do it all
+ROUNDS, ENDED = 5, 1e-3  # of estimates, and standard deviations of the noise that the last of them may move a start
+
+
+def with_start_corrections(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
+    """The problem whose states begin at first measured values less their noise, and the search gone on there from where it stood (`last`).
+
+    A first value that is not scored (`skip`) counts as a sample of the noise that the others have. Both stay as they were where states
+    begin elsewhere, where a first value would be off by more than noise can be, and where the cost is not lower.
+    """
+    used = _noises(problem, last.z)
+    if used is None:
+        return problem, last
+    made, end = problem.with_starts({n: dict.fromkeys(own, 0.0) for n, own in used.items()}), last
+    effects = _open(made, end.z)
+    if not effects:
+        return problem, last
+    made = made.with_starts({n: {e.output: 0.0 for e in effects if e.recording == n} for n in used})
+    for _ in range(ROUNDS):
+        times, moved = _step(made, end.z, effects, used)
+        starts = made.start_corrections
+        for effect, share in zip(effects, times, strict=True):
+            starts[effect.recording][effect.output] += float(share) * effect.noise
+        if any(not abs(v) <= LARGEST * used[n][o] for n, own in starts.items() for o, v in own.items()):
+            return problem, last
+        made = made.with_starts(starts)
+        end = descent(made, np.clip(end.z + moved, 0.0, 1.0))
+        if np.max(np.abs(times)) <= ENDED:
+            break
+        effects = _effects(made, end.z)
+    return (made, end) if end.cost < last.cost else (problem, last)
+
+
+def _noises(problem: Problem, z: np.ndarray) -> Mapping[str, Mapping[str, float]] | None:
+    """By recording and output the sample-to-sample noise of outputs that states begin at; None where it cannot be estimated."""
+    if problem.start_corrections or not problem.in_time:
+        return None
+    rows = {(name, output): block.rows for name, output, block in named_blocks(problem)}
+    residuals = residuals_and_jacobian(problem.unsmoothed, z)[0]
+    found: dict[str, dict[str, float]] = {}
+    for effect in _effects(problem, z):
+        name, output = effect.recording, effect.output
+        weight = 1.0 if problem.weights is None else float(problem.weights[name])
+        noise = white_part(residuals[rows[name, output]]) * float(problem.scales[output]) / np.sqrt(weight)
+        if not noise > 0:
+            return None
+        found.setdefault(name, {})[output] = noise
+    return found or None
+
+
+def _effects(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
+    found = value_effects(problem, z, [block for _, _, block in named_blocks(problem)])
+    starts = problem.start_corrections
+    return [e for e in found if e.output in starts.get(e.recording, ())] if starts else found
+
+
+def _open(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
+    """Starts whose move is none of parameters: a model may say itself by how much a state begins off its first measured value."""
+    effects, jacobian = _effects(problem, z), residuals_and_jacobian(problem.unsmoothed, z)[1]
+    if not effects:
+        return []
+    columns = np.stack([e.column for e in effects], axis=1)
+    left = np.linalg.norm(beside(jacobian, columns), axis=0) > TAKEN_UP * np.linalg.norm(columns, axis=0)
+    return [e for e, own in zip(effects, left, strict=True) if own]
+
+
+def _step(
+    problem: Problem, z: np.ndarray, effects: Sequence[ValueEffect], noises: Mapping[str, Mapping[str, float]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Moves of the starts (k,), in standard deviations of their noise, and of the cube point (d,), to the minimum of the linear problem."""
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    columns = np.stack([e.column for e in effects], axis=1)
+    if problem.smoothing is not None:
+        bends, by = problem.smoothing.weighted(z)
+        residuals, jacobian = np.r_[residuals, bends], np.vstack([jacobian, by])
+        columns = np.vstack([columns, np.zeros((len(bends), len(effects)))])
+    size = float(np.sqrt(np.mean(residuals**2)))
+    for k, e in enumerate(effects):
+        if not is_scored(problem, e):
+            noise, row = noises[e.recording][e.output], np.zeros((1, len(effects)))
+            row[0, k] = size * e.noise / noise
+            residuals = np.r_[residuals, size * problem.start_corrections[e.recording][e.output] / noise]
+            jacobian, columns = np.vstack([jacobian, np.zeros((1, len(z)))]), np.vstack([columns, row])
+    inside = (z > 0.0) & (z < 1.0)
+    j = np.hstack([jacobian[:, inside], columns])
+    norms = np.maximum(np.linalg.norm(j, axis=0), 1e-300)
+    step = -np.linalg.lstsq(j / norms, residuals, rcond=1e-12)[0] / norms
+    moved = np.zeros_like(z)
+    moved[inside] = step[: inside.sum()]
+    return step[inside.sum() :], moved
