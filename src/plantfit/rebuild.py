@@ -10,6 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit import spec
 from plantfit.errors import RecordingError
 from plantfit.optimize.contract import Objective
+from plantfit.spec.error_place import errors_at
 from plantfit.stages import Prepared, prepare
 from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 
@@ -22,7 +23,9 @@ def searched(text: str, path: str, files: Mapping[str, Path], start: np.ndarray 
 
 def prepared_study(study: spec.Study, start: np.ndarray | None = None) -> Prepared:
     """The problem of a study file as its plan searches it; `start` (k, d) replaces what multiple shooting would have to find."""
-    return prepare(study.problem, shooting=study.table.search.shooting, seed=study.plan.seed, start=start)
+    shooting = study.table.search.shooting
+    with errors_at(study.path.name if shooting is None else f"{study.path.name}, [search] shooting"):
+        return prepare(study.problem, shooting=shooting, seed=study.plan.seed, start=start)
 
 
 def recipe_of(study: spec.Study) -> Recipe:

@@ -57,6 +57,12 @@ def test_growth_is_that_of_the_largest_exponent():
     assert found.growth > 1e6
 
 
+@pytest.mark.parametrize(("tenfold", "said"), [(0.043, "0.04"), (0.43, "0.4"), (4.3, "4"), (17.0, "20"), (430.0, "400")])
+def test_seconds_are_those_that_a_study_file_takes(tenfold, said):
+    [sentence] = forgetting_sentences({"simulation": {"forgets": [{"recording": "run", "growth": 2e7, "tenfold": tenfold}]}})
+    assert f"`pieces = {said}` under" in sentence["sentence"]
+
+
 def test_the_sentence_names_the_lines_to_write():
     none = {"simulation": {"forgets": []}}
     assert list(forgetting_sentences(none)) == []

@@ -95,7 +95,7 @@ TRUTH = {"b": 1.0, "c": 1.0, "d": 0.3}
 @pytest.fixture(scope="module")
 def well(tmp_path_factory):
     """A double well driven into chaos (Holmes, Phil. Trans. R. Soc. A 292 (1979) 419), with noise; v is not measured."""
-    folder, t, noise = tmp_path_factory.mktemp("well"), np.arange(0, 150, 0.1), 0.01
+    folder, t, noise = tmp_path_factory.mktemp("well"), np.arange(0, 80, 0.1), 0.01
     u = np.round(0.5 * np.cos(1.2 * t), 4)
     x, rows = np.array([1.0, 0.0]), []
     for now in u:
@@ -129,8 +129,9 @@ def test_in_one_piece_it_is_told_with_the_lines_to_write_and_not_diagnosed(well)
     answer = pf.fit(spec.load(well()).problem, budget=400, seed=1)
     said = [s["sentence"] for s in answer.findings["verdict"]]
     assert any("forgets its start" in s and "under [recording.run]" in s for s in said)
-    assert not any("`shooting = 100`" in s for s in said)
-    assert answer.diagnose()["state"] == "left"
+    useless = ("`shooting = 100`", "give a larger", "Give a larger", "first add what", "systematic", "sample noise", "in the valley")
+    assert not [s for s in said if any(words in s for words in useless)]
+    assert (answer.diagnose() or {})["state"] == "left"
     assert any("not tried, as the simulation forgets its start" in s["sentence"] for s in answer.findings["verdict"])
 
 

@@ -108,6 +108,8 @@ def test_where_a_simulation_is_lost_the_sentence_names_shooting():
     [plain], [lost] = search_sentences(extra), search_sentences(extra, lost=True)
     assert "give a larger budget." in plain["sentence"]
     assert "`shooting = 100` under [search]" in lost["sentence"]
+    [forgets] = search_sentences(extra, lost=True, forgets=True)  # another sentence says what to do
+    assert forgets["sentence"].endswith("a better one may exist.")
     [repeated] = search_sentences({"basin_hits": 5, "starts": 5}, lost=True)  # a model that cannot, not a search that did not find
     assert "shooting" not in repeated["sentence"]
 

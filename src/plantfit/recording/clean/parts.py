@@ -60,8 +60,8 @@ def pieces(recording: Recording, seconds: float) -> list[Recording]:
     for k, rows in enumerate(np.split(np.arange(count), marks), 1):
         if len(rows) < 2:
             raise RecordingError(
-                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has {len(rows)} of the 2 samples "
-                f"that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and after a gap."
+                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has {len(rows)} of the 2 "
+                f"samples that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and after a gap."
             )
         sentence = f"Piece {k} of {number}: {len(rows)} of {count} samples, from {t[rows[0]]:g} s to {t[rows[-1]]:g} s."
         found.append(_rows(recording, np.isin(np.arange(count), rows), f"{recording.name}-{k}", sentence))
@@ -75,10 +75,6 @@ def shift_time(recording: Recording, seconds: float | None = None) -> Recording:
         raise RecordingError(f"shift_time: seconds is {seconds!r}; give a finite number.")
     sentence = f"All {len(recording)} times were shifted by {by:g} s."
     return Recording(recording.t + by, recording.signals, recording.name, (*recording.log, sentence), recording.clocked)
-
-
-def _samples(count: int) -> str:
-    return "1 sample" if count == 1 else f"{count} samples"
 
 
 def _rows(recording: Recording, keep: np.ndarray, name: str, sentence: str) -> Recording:

@@ -21,7 +21,7 @@ from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
-from plantfit.trust.verdict.outputs import noise_rows
+from plantfit.trust.verdict.outputs import forgotten, noise_rows
 from plantfit.trust.verdict.words import Sentence, say, some, study_file
 
 Findings = dict[str, Any]
@@ -59,7 +59,7 @@ def with_diagnosis(
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
-    if not whole and findings["simulation"].get("forgets"):
+    if not whole and forgotten(findings):
         text = f"What may be missing was not tried, as the simulation forgets its start; {_command(findings)} tries it all the same."
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)

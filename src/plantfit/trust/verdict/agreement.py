@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from plantfit.trust.verdict.outputs import forgotten
 from plantfit.trust.verdict.words import Sentence, number, say, some
 
 TOLD = 3  # distinct answers, and parameters of each, that are named
@@ -16,7 +17,13 @@ def agreement_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         return
     if told["runs"] > 1:
         yield _count(told)
-    yield from _cut(told, any(p.get("open") or p.get("status") == "flat" for p in findings.get("parameters", ())))
+    if forgotten(findings):
+        more = ""  # its cost has optima everywhere, and another sentence says what to do
+    elif any(p.get("open") or p.get("status") == "flat" for p in findings.get("parameters", ())):
+        more = ". It goes on along parameters that the data do not determine"
+    else:
+        more = ". Give a larger budget"
+    yield from _cut(told, more)
     yield from _answers(told)
 
 
@@ -32,13 +39,12 @@ def _count(told: Mapping[str, Any]) -> Sentence:
     return say("good" if 2 * told["agree"] >= runs - left else "warning", text, runs=told["agree"], of=runs - left)
 
 
-def _cut(told: Mapping[str, Any], flat: bool) -> Iterator[Sentence]:
+def _cut(told: Mapping[str, Any], more: str) -> Iterator[Sentence]:
     runs, spent, reached = told["runs"], told["spent"], told["spent_and_agree"]
     if told["ended"] == "cut":
         yield say(
             "warning",
-            "The reported answer is not the end of a search: the local search on the final problem was cut after 200 derivatives. "
-            + ("It goes on along parameters that the data do not determine." if flat else "Give a larger budget."),
+            f"The reported answer is not the end of a search: the local search on the final problem was cut after 200 derivatives{more}.",
         )
     if not spent:
         return

@@ -13,6 +13,7 @@ from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.input_steps import input_step_sentences
+from plantfit.trust.verdict.outputs import forgotten
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 from plantfit.trust.verdict.searches import forgetting_sentences, search_sentences
@@ -53,9 +54,7 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
-    yield from search_sentences(
-        best.extra, flat, several, lost and not findings["simulation"].get("forgets"), best.status is Status.converged
-    )
+    yield from search_sentences(best.extra, flat, several, lost, best.status is Status.converged, bool(forgotten(findings)))
     yield from agreement_sentences(findings)
 
 

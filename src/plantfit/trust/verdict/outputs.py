@@ -67,6 +67,11 @@ def in_time(findings: Findings) -> bool:
     return findings.get("standard_errors", {}).get("in_time", True)
 
 
+def forgotten(findings: Findings) -> list[str]:
+    """Recordings whose start the simulation forgets while it does not follow them: what is left of them tells nothing of the model."""
+    return [f["recording"] for f in findings.get("simulation", {}).get("forgets", ())]
+
+
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
     for record in findings.get("recordings", ()):

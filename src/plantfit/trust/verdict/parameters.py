@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
+from plantfit.trust.verdict.outputs import forgotten
 from plantfit.trust.verdict.residuals import lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.unseen import failing
@@ -20,10 +21,10 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """Which parameters the data determine, and which not."""
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
-    yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings))
+    yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings))
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
-        yield _unsound(findings["determined"], fitted, [p for p in single if p["status"] == "weak"])
+        yield _unsound(findings["determined"], fitted, [p for p in single if p["status"] == "weak"], bool(forgotten(findings)))
         single = [_without_ends(p) for p in single if p["status"] != "weak"]
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
@@ -52,7 +53,9 @@ def _denied(findings: Mapping[str, Any]) -> str:
     return some(list(found)) if found else ""
 
 
-def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: Sequence[str], lacks: Sequence[str]) -> Iterator[Sentence]:
+def _determined(
+    single: Sequence[Row], free: Sequence[Row], denied: str, fails: Sequence[str], lacks: Sequence[str], forgets: Sequence[str] = ()
+) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
         return
@@ -63,12 +66,16 @@ def _determined(single: Sequence[Row], free: Sequence[Row], denied: str, fails: 
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     if denied:
         text += f" The intervals take residuals as independent, and those of {denied} are not."
-    if fails:
+    if forgets:
+        text += f" The simulation does not follow {some(list(forgets))}: these are its values, and the plant's may be others."
+    elif fails:
         text += f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the plant's may be others."
     elif lacks and not denied:
         text += f" The residuals of {some(list(lacks))} are not white: if the model lacks something, the plant's values may be others, "
         text += "by more than ± tells."
-    yield say("warning" if denied or fails else "good" if len(good) == total and not lacks else "info", text, determined=len(good))
+    yield say(
+        "warning" if denied or fails or forgets else "good" if len(good) == total and not lacks else "info", text, determined=len(good)
+    )
 
 
 def _counted(good: Sequence[Row]) -> str:
@@ -91,7 +98,7 @@ def _told(p: Row) -> str:
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
 
 
-def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row]) -> Sentence:
+def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row], forgets: bool = False) -> Sentence:
     """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, and the ranges of the `weak` rows."""
     told = "; ".join(_at_least(p) for p in weak[:LISTED]) + (f" and {len(weak) - LISTED} more" if len(weak) > LISTED else "")
     more = f" The data allow these at least: {told}." if told else ""
@@ -103,7 +110,7 @@ def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row]) -> Sent
         "the residuals move so slowly that they are worth about "
         f"{number(found['samples'])} independent samples for {found['of']} parameters, and intervals may be too short"
     )
-    do = "Take a longer record, or first add what the model lacks."
+    do = "Pieces with starts of their own may tell them." if forgets else "Take a longer record, or first add what the model lacks."
     return say("warning", f"No parameter is called determined: {why}.{more} {do}", samples=found["samples"])
 
 

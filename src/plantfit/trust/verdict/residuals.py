@@ -10,6 +10,7 @@ from plantfit.trust.verdict.outputs import (
     diagnosed,
     disagree,
     each_output,
+    forgotten,
     in_time,
     is_same,
     noise_rows,
@@ -25,7 +26,8 @@ SEEN = 0.35  # half-width of the band of a correlation with an input, above whic
 
 def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether anything is left to explain."""
-    yield from each_output(findings, findings["residual_tests"], _residual, _residuals)
+    rows = [r for r in findings["residual_tests"] if r["recording"] not in forgotten(findings)]
+    yield from each_output(findings, rows, _residual, _residuals)
 
 
 def noise_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -33,7 +35,8 @@ def noise_sentences(findings: Findings) -> Iterator[Sentence]:
     says what is left."""
     if diagnosed(findings)["named"]:
         return
-    yield from each_output(findings, list(noise_rows(findings)), _noise, _noises)
+    rows = [r for r in noise_rows(findings) if r["recording"] not in forgotten(findings)]
+    yield from each_output(findings, rows, _noise, _noises)
 
 
 def lacking(findings: Findings) -> list[str]:

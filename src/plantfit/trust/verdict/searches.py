@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, say, some
+from plantfit.trust.verdict.words import Sentence, number, say, some
 
 AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
 NEAR, MOST = 0.1, 0.5  # of the best cost, and of the searches, that make a valley
@@ -21,27 +21,28 @@ def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     if not forgets:
         return
     first, count = forgets[0], len(forgets)
-    names, piece = some([f["recording"] for f in forgets], most=3), f"{first['tenfold']:.1g}"
+    names, piece = some([f["recording"] for f in forgets], most=3), f"{float(number(first['tenfold'], 1)):g}"
     several = f"simulations of {names} forget their start: in {first['recording']}"
     whose = several if count > 1 else f"simulation of {names} forgets its start: here"
     text = (
         f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So hardly any simulation "
         "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts of their own: "
-        f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions], "
-        f"`shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
+        f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions] and "
+        f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
     )
     yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
 
 def search_sentences(
-    extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False, ended: bool = False
+    extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False, ended: bool = False, forgets: bool = False
 ) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
     With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
     costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
-    With `lost`, a simulation does not follow its record, but does not forget its start either: segments may find what searches over all
-    of it do not. With `ended` the search made as many local searches as it was asked for, and its budget did not stop it.
+    With `lost`, a simulation does not follow its record: segments may find what searches over all of it do not. With `forgets` it forgets
+    its start beside, and another sentence says what to do. With `ended` the search made as many local searches as it was asked for, and
+    its budget did not stop it.
     """
     if extra.get("linear"):
         yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
@@ -51,8 +52,8 @@ def search_sentences(
     hits, starts = int(extra["basin_hits"]), int(extra["starts"])
     optima, unseen = int(extra.get("optima", 1)), float(extra.get("unseen", 0.0))
     if starts == 0:
-        more = "where parameters are not determined, a larger budget does not help" if flat else "give a larger one"
-        yield say("warning", f"No local search came to its end within the budget: {more}.")
+        more = ": where parameters are not determined, a larger budget does not help" if flat else ": give a larger one"
+        yield say("warning", f"No local search came to its end within the budget{'' if forgets else more}.")
         return
     if ended and starts == hits == 1:
         text = "One local search was made, as asked, and it ended at the answer: whether another optimum is better was not looked for. "
@@ -64,7 +65,7 @@ def search_sentences(
         text += f", the others at {optima - 1} higher {'one' if optima == 2 else 'ones'}"
     elif hits and optima > 1:
         text += f", the others in {optima - 1} worse {'one' if optima == 2 else 'ones'}"
-    if hits < AGREE and flat and _in_the_valley(extra):
+    if hits < AGREE and flat and not forgets and _in_the_valley(extra):
         yield say(
             "info",
             f"{text}: they end anywhere in the valley of parameters that are not determined.",
@@ -73,8 +74,8 @@ def search_sentences(
             optima=optima,
         )
     elif hits < AGREE:
-        more = f", or, {SHOOT}" if lost else ""
-        yield say("warning", f"{text}: a better one may exist; give a larger budget{more}.", hits=hits, starts=starts, optima=optima)
+        more = f"; give a larger budget, or, {SHOOT}" if lost else "; give a larger budget"
+        yield say("warning", f"{text}: a better one may exist{'' if forgets else more}.", hits=hits, starts=starts, optima=optima)
     elif optima > 1 and unseen > UNSEEN:
         doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
         yield say("warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen)
