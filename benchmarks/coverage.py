@@ -219,16 +219,34 @@ def _in_order(rig: Rig, found: dict) -> dict:
 
 
 def bound(name: str) -> dict[str, float]:
-    """Cramer-Rao standard errors of white noise at the truth; infinite for what is not determined."""
+    """Cramer-Rao standard errors of white noise at the truth; infinite for what is not determined.
+
+    Where states begin at a measured value, nobody knows the true one: it is one more unknown, of which that value is one sample.
+    """
     rig, problem = RIGS[name], _base(name)
     truth = problem.space.vector(rig.truth)
     z = np.clip(problem.space.cube(truth), 0.0, 1.0)
     residuals, jacobian = (np.asarray(v) for v in problem.residuals_and_jacobian(z))
     noise = rig.noise if rig.noise is not None else float(np.sqrt(np.mean(residuals**2)))
     size = np.where(truth == 0.0, 1.0, np.abs(truth))
-    _, s, right = np.linalg.svd(jacobian / problem.space.slopes(z) * size, full_matrices=False)
-    error = noise * np.sqrt(np.sum((right.T / np.maximum(s, 1e-9 * s[0])) ** 2, axis=1)) * size
+    columns = np.hstack([jacobian / problem.space.slopes(z) * size, starts(problem, z, noise)])
+    _, s, right = np.linalg.svd(columns, full_matrices=False)
+    error = noise * np.sqrt(np.sum((right.T / np.maximum(s, 1e-9 * s[0])) ** 2, axis=1))[: len(size)] * size
     return dict(zip(problem.space.names, error.tolist(), strict=True))
+
+
+def starts(problem, z: np.ndarray, noise: float) -> np.ndarray:
+    """What the starts that are measured do to the residuals by each `noise` of theirs: columns (m, k)."""
+    from plantfit.problem.evaluate.points import residuals
+    from plantfit.trust.intervals.first_values import outputs_begun_at
+
+    found = []
+    for output in outputs_begun_at(problem, z):
+        for n in problem.data["drive"]:
+            step = 0.01 * noise * float(problem.scales[output])
+            above, below = (residuals(problem.with_starts({n: {output: s * step}}), z) for s in (1.0, -1.0))
+            found.append((above - below) / 0.02)
+    return np.stack(found, axis=1) if found else np.zeros((len(residuals(problem, z)), 0))
 
 
 def table(name: str, found: Sequence[Mapping]) -> list[dict]:

@@ -51,7 +51,7 @@ class ResidualTest(Record):
     """Whether the Ljung-Box test keeps white noise at 1 %."""
     p_value: Number = None
     first: Number = None
-    """By how much the first measured value, where the simulation begins, seems to be off, where what that leaves is taken off here."""
+    """By how much the simulation begins above the first measured value, whose noise the fit estimated; null where it does not."""
     shared: str | None = None
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}

@@ -173,7 +173,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "missing": missing.of_findings(record, drawings),
         "looks": missing.looks(record, drawings),
-        "tests": [_test(test, drawings, named or test.stretch is not None or test.turned is not None) for test in record.residual_tests],
+        "tests": [_test(test, record, drawings, named) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
@@ -242,7 +242,7 @@ def _fit(recording: Recording, drawings: Drawings, points: int) -> dict[str, Any
     }
 
 
-def _test(test: ResidualTest, drawings: Drawings, named: bool) -> dict[str, Any]:
+def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool) -> dict[str, Any]:
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
     later = lags > 0  # lag 0 is always 1
@@ -251,7 +251,11 @@ def _test(test: ResidualTest, drawings: Drawings, named: bool) -> dict[str, Any]
     for name, cross in test.cross.items():
         figure = figures.stem_figure(array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}")
         items.append(drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds."))
+    named = named or test.stretch is not None or test.turned is not None
     said = [sentences.whiteness(test), *(sentences.independence(name, cross, named) for name, cross in test.cross.items())]
+    if test.first:
+        units = [r.outputs[test.output].unit for r in record.recordings if r.name == test.recording and test.output in r.outputs]
+        said.append(sentences.begins(test.first, next(iter(units), None)))
     good = test.white and all(cross.independent for cross in test.cross.values())
     return {"title": f"{test.recording}: {test.output}", "sentences": said, "figures": items, "good": good}
 

@@ -38,7 +38,6 @@ from plantfit.trust.looks import problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
-from plantfit.trust.validate.noisy_start import left_by_first_values
 from plantfit.trust.validate.one_stretch import one_stretch
 from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
 from plantfit.trust.validate.spare_samples import with_spare
@@ -82,7 +81,7 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
-    tests = list(_residual_tests(problem, predictions, best.x))
+    tests = list(_residual_tests(problem, predictions))
     scores = with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests)
     found = Findings(
         schema_version=VERSION,
@@ -172,8 +171,8 @@ def _scores(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]
                 )
 
 
-def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], z: np.ndarray) -> Iterator[ResidualTest]:
-    inputs, begun = getattr(problem.model, "inputs", {}), None
+def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[ResidualTest]:
+    inputs = getattr(problem.model, "inputs", {})
     for name, experiment in problem.experiments.items():
         record, mask = experiment.recording, experiment.mask("fit")
         for output in problem.outputs:
@@ -182,13 +181,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
-            (own, p_value), first = whiteness(residual), None
-            if p_value <= WHITE and problem.in_time:
-                begun = left_by_first_values(problem, z) if begun is None else begun
-                if (name, output) in begun:
-                    rest = residual - begun[name, output].left[mask][rows]
-                    if (again := whiteness(rest))[1] > WHITE:
-                        residual, (own, p_value), first = rest, again, begun[name, output].off
+            own, p_value = whiteness(residual)
             stretch, against, there = None, None, np.isfinite(residual)
             if p_value <= WHITE and problem.in_time:
                 at = np.flatnonzero(mask)[rows][there]
@@ -213,7 +206,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 bound=own.bound,
                 white=bool(p_value > WHITE),
                 p_value=p_value,
-                first=first,
+                first=experiment.start_corrections.get(output),
                 shared=experiment.shared_errors.get(output),
                 cross=cross,
                 stretch=stretch,

@@ -67,16 +67,19 @@ def whiteness(test: ResidualTest) -> str:
     """Whether the residuals of one output still hold a pattern."""
     small = test.p_value is not None and test.p_value < 1e-6
     p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
-    if test.white and test.first:
-        return (
-            f"White{p} but for what noise of the first value leaves, where the simulation begins; without it the residuals look like noise."
-        )
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
     return (
         f"Not white{p}: the residuals follow a pattern that the model does not explain; "
         "the standard errors allow for that, but something is missing."
     )
+
+
+def begins(off: float, unit: str | None) -> str:
+    """By how much a simulation begins `off` the first measured value."""
+    by = " ".join((significant(abs(off), 2), *([unit] if unit else ())))
+    where = "above" if off > 0 else "below"
+    return f"The simulation begins {by} {where} the first measured value: the fit estimated the noise of that value."
 
 
 def independence(name: str, cross: Cross, named: bool = False) -> str:

@@ -1,7 +1,7 @@
 """States that begin at first measured values, without the noise of these samples.
 
 A state that begins at a measured value begins wrongly by the noise of that one sample, and so do the parameters that make up for it: the
-time constant of a step has 2.4 times the spread that its record allows. The noise is estimated together with the parameters, as a free
+time constant of a step has 1.8 times the spread that its record allows. The noise is estimated together with the parameters, as a free
 start would be: the measured value is one sample of the output as the others are. Recordings that are not fitted begin where they are
 measured.
 """

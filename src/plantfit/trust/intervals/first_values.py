@@ -65,7 +65,7 @@ def value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> l
     keys = [(n, o) for n in problem.data["drive"] for o in problem.outputs if len(problem.data["index"][n][o])]
     rows_of = dict(zip(keys, (b.rows for b in blocks), strict=True))
     found = []
-    for output in _used(problem, z):
+    for output in outputs_begun_at(problem, z):
         noise = {n: _noise(here, rows, problem, n, o) for (n, o), rows in rows_of.items() if o == output}
         above, below = (residuals(_moved(problem, output, noise, step), z) for step in (STEP, -STEP))
         for name in noise:
@@ -85,7 +85,7 @@ def is_scored(problem: Problem, effect: ValueEffect) -> bool:
     return bool(len(index) and index[0] == measured[0])
 
 
-def _used(problem: Problem, z: np.ndarray) -> list[str]:
+def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
     """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
     if not problem.predictor.has_steps:
         return []

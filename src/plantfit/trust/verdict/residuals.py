@@ -109,9 +109,7 @@ def _residual(findings: Findings, row: Row) -> Sentence:
     where = place(findings, row)
     if row["white"]:
         rest = "no dynamics are left to explain" if in_time(findings) else "no pattern is left in the order of the rows"
-        off = row.get("first")
-        but = f" but for what noise of the first value leaves, where the simulation begins ({number(abs(off))} off)" if off else ""
-        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}){but}: {rest}."
+        text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): {rest}."
         return say("good", text, p_value=row["p_value"])
     if (left := _left_by_a_solver(findings, row)) is not None:
         text = f"The residuals of {where} are not white, but they are {number(left)} % of what it does: {_SOLVER}."
