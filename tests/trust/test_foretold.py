@@ -43,7 +43,7 @@ def told(problem, y):
     z = descent(problem, problem.space.cube(problem.space.vector({n: start[n] for n in problem.space.names}))).z
     local = linearise(problem, z)
     predicted = {"run": problem.predict(local.values)}
-    tests = list(_residual_tests(problem, predicted, z))
+    tests = list(_residual_tests(problem, predicted))
     scores = with_foretold(problem, local, list(_scores(problem, predicted)), tests)
     (sentence,) = unseen_sentences({"scores": [s.plain() for s in scores], "recordings": [{"name": "run", "outputs": {}}]})
     return next(s for s in scores if s.part == "validation"), sentence

@@ -6,12 +6,13 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.spec.before_filter import before_filter
-    from plantfit.spec.in_combinations import Rewritten, in_combinations
     from plantfit.spec.reading import load, parse
     from plantfit.spec.recordings import CLEANING, read_recording, recording_file
+    from plantfit.spec.rewritten.in_combinations import Rewritten, in_combinations
+    from plantfit.spec.rewritten.in_pieces import in_pieces
+    from plantfit.spec.rewritten.with_additions import with_additions
     from plantfit.spec.study import Study, model_of
     from plantfit.spec.tables import SpecTable, validated
-    from plantfit.spec.with_additions import with_additions
 
 __all__ = [
     "CLEANING",
@@ -20,6 +21,7 @@ __all__ = [
     "Study",
     "before_filter",
     "in_combinations",
+    "in_pieces",
     "load",
     "model_of",
     "parse",
@@ -33,11 +35,12 @@ names_of(
     __name__,
     {
         "before_filter": "before_filter",
-        "in_combinations": "Rewritten in_combinations",
         "reading": "load parse",
         "recordings": "CLEANING read_recording recording_file",
+        "rewritten.in_combinations": "Rewritten in_combinations",
+        "rewritten.in_pieces": "in_pieces",
+        "rewritten.with_additions": "with_additions",
         "study": "Study model_of",
         "tables": "SpecTable validated",
-        "with_additions": "with_additions",
     },
 )

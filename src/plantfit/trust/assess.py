@@ -44,9 +44,9 @@ from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import ROUNDING, TESTED
+from plantfit.trust.verdict.residuals import WHITE
 
-FOLLOWED = 50.0  # percent of fit, below which a record is not followed
-WHITE = 0.01  # p-value of the Ljung-Box test from which on residuals are white
+FOLLOWED = 80.0  # percent of fit, below which a record may be one that no simulation follows
 
 
 def assess(

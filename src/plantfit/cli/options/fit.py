@@ -20,6 +20,12 @@ def run(
             "--try", help='Add this to the model, as in --try "dead time of u" (repeat), keep the study file with it, and run that one.'
         ),
     ] = None,
+    pieces: Annotated[
+        float | None,
+        typer.Option(
+            help="Cut recordings into pieces of so many seconds with starts of their own, keep the study file with them, and run that one."
+        ),
+    ] = None,
     no_diagnose: NoDiagnose = False,
     json: Json = False,
 ) -> None:
@@ -27,7 +33,7 @@ def run(
     the report. Ctrl-C saves; `plantfit resume` goes on."""
     from plantfit.cli.commands.fit import studies
 
-    studies.run(specs, store, out, json, workers, scheduler, try_ or [], not no_diagnose)
+    studies.run(specs, store, out, json, workers, scheduler, try_ or [], pieces, not no_diagnose)
 
 
 def resume(

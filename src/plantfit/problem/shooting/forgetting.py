@@ -7,7 +7,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, SimulationError
 from plantfit.problem.problem import Problem
-from plantfit.problem.shooting.start import Shooting
+from plantfit.problem.shooting.start import LOOSE, Shooting
 from plantfit.simulate.simulator import Drive
 
 import jax
@@ -15,7 +15,7 @@ import jax
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
 FORGOTTEN = 1e3  # times a deviation grows, from which on the start is forgotten: a thousandth of the motion becomes all of it
 SEGMENTS, SHORTEST = 100, 5  # of the longest record, and samples of each at least
-STARTS, LOOSE = 4, (0.01, 0.1, 1.0)  # of multiple shooting, and weights of continuity
+STARTS = 4  # of multiple shooting
 LONG, MANY = 20_000, 60  # samples of all records, and coordinates, beyond which that takes too long
 BETTER = 0.1
 

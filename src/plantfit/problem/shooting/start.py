@@ -24,6 +24,7 @@ from plantfit.simulate.simulator import Drive
 import jax
 
 WEIGHTS = (0.01, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8)
+LOOSE = WEIGHTS[:3]  # that leave gaps: where segments fit best, also of records that no whole simulation follows
 ROUNDS = 30
 SETTLED, SETTLED_LAST = 1e-3, 1e-9  # relative fall of the merit below which a weight is done, and the last one
 CLOSED = 1e-3  # gap, as a share of the spread of a state, under which segments are one trajectory

@@ -1,6 +1,7 @@
 """What the verdict says about residuals and noise, and of which outputs the model lacks something."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import comb
 from typing import Any
 
 from plantfit.trust.verdict.outputs import (
@@ -19,6 +20,7 @@ from plantfit.trust.verdict.outputs import (
 )
 from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit
 
+WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
 FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
 SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
@@ -146,15 +148,17 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
     white, patterned = [r for r in rows if r["white"]], [r for r in rows if not r["white"]]
     small = [(r, left) for r in patterned if (left := _left_by_a_solver(findings, r)) is not None]
     coloured = [r for r in patterned if not any(r is own for own, _ in small)]
+    chance = by_chance([r["p_value"] for r in coloured], len(rows))
     if white:
         where = f"{len(white)} of {len(rows)}" if patterned else f"all {len(rows)}"
         rest = "no dynamics are left to explain there" if in_time(findings) else "no pattern is left in the order of their rows"
-        text = f"The residuals of {output} are white in {where} recordings: {rest}."
-        yield say("good" if not patterned else "info", text, white=len(white))
+        beside = f", and as few as fail the test at 1 % ({recordings_named(coloured)}) do so by chance" if chance and coloured else ""
+        text = f"The residuals of {output} are white in {where} recordings{beside}: {rest}."
+        yield say("good" if not patterned or (beside and not small) else "info", text, white=len(white))
     if small:
         text = f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "
         yield say("info", f"{text}{number(max(left for _, left in small))} % of what it does: {_SOLVER}.", recordings=len(small))
-    if coloured:
+    if coloured and not chance:
         text = (
             f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings ({recordings_named(coloured)}; "
             f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
@@ -168,6 +172,13 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             text += f" In {r['recording']} {_odd(r, named)}."
         text += f" {len(odd) - FEW} more recordings have such a part." if len(odd) > FEW else ""
         yield say("warning", text, correlation=max(map(_next, coloured)))
+
+
+def by_chance(p_values: Sequence[float | None], tests: int) -> bool:
+    """Whether tests of white noise that failed, of so many, did so by chance: neither their number nor the smallest of them is rare."""
+    least, failed = min((p for p in p_values if p is not None), default=1.0), len(p_values)
+    fewer = sum(comb(tests, k) * WHITE**k * (1.0 - WHITE) ** (tests - k) for k in range(failed))
+    return least * tests > WHITE and 1.0 - fewer > WHITE
 
 
 def _noise(findings: Findings, row: Row) -> Sentence:

@@ -1,9 +1,10 @@
 """What the verdict says about the local searches of the best run: how many reached the answer, and what may have been missed."""
 
+import shlex
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, number, say, some
+from plantfit.trust.verdict.words import Sentence, number, say, some, study_file
 
 AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
 NEAR, MOST = 0.1, 0.5  # of the best cost, and of the searches, that make a valley
@@ -27,9 +28,14 @@ def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     text = (
         f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So hardly any simulation "
         "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts of their own: "
-        f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions] and "
-        f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
     )
+    if file := study_file(findings):
+        text += f"`plantfit run {shlex.quote(file)} --pieces {piece}` (docs/long-records.md)."
+    else:
+        text += (
+            f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions] and "
+            f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
+        )
     yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
 

@@ -171,7 +171,7 @@ class _Plant:
         room = span * (1 + 5 * reach)
         told = f"where {y.symbol} rests without input{self._beyond()}"
         text += _parameter(f"rest{self.number}", told, y.low - room, y.high + room, y.unit)
-        # the first measured value would bring its noise into every parameter
+        # a parameter holds also where the first value is missing or wrong
         text += _parameter(self.start, f"{y.symbol} at the first sample", y.first - span, y.first + span, y.unit)
         for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:
             text += _parameter(name, f"time constant of {y.symbol}", self.period / 5, self.duration, "s", log=True)

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 def run(
     paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None,
-    additions: Sequence[str] = (), diagnose: bool = True,
+    additions: Sequence[str] = (), pieces: float | None = None, diagnose: bool = True,
 ) -> None:  # fmt: skip
-    """Run study files from their beginning; with `additions` the one file with these added to its model."""
+    """Run study files from their beginning; with `additions` the one file with these added to its model, with `pieces` (s) the one file
+    with its recordings in pieces."""
     from plantfit import spec as specs
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
@@ -35,6 +36,14 @@ def run(
         paths = [named(added(paths[0], additions, json))]
         if not json:
             out.print(f"Runs {paths[0]}, the study file with {' and '.join(additions)}.", markup=False)
+    if pieces is not None:
+        if len(paths) > 1 or additions:
+            raise SpecError("--pieces changes one study file; give one, without --try.")
+        from plantfit.cli.commands.fit.pieces import cut
+
+        paths = [cut(paths[0], pieces, json)]
+        if not json:
+            out.print(f"Runs {paths[0]}, the study file in pieces of {pieces:g} s.", markup=False)
     read = [specs.load(path) for path in paths]
     solved = [study for study in read if study.regression is not None]
     if solved and len(solved) < len(read):
