@@ -75,14 +75,16 @@ def test_the_table_of_looks_has_every_kind():
     rows = re.findall(r"^\| (?!look |-)([^|]+) \|", page("diagnosis.md").split("## Looks at the data")[1].split("\n## ")[0], re.MULTILINE)
     assert {"constant", "feedback", "gaps"} <= OF_RECORDINGS
     assert {"sampled slowly", "time unit", "not at rest"} <= OF_MODELS
-    assert {kind for row in rows for kind in row.split(", ")} == OF_RECORDINGS | OF_MODELS
+    told, kinds = {kind for row in rows for kind in row.split(", ")}, OF_RECORDINGS | OF_MODELS
+    assert kinds - told == set(), f'add a row for {kinds - told} to the table "Looks at the data" of docs/diagnosis.md'
+    assert told - kinds == set(), f"no look is of the kind {told - kinds}: mend or take out its row in docs/diagnosis.md"
 
 
 def test_every_addition_and_look_has_a_picture(site):
     """Of looks those at a signal or the clock; others are about bounds."""
     page = (site / "what-it-looks-like.html").read_text("utf-8")
     for name in (*KINDS, *OF_RECORDINGS):
-        assert f'src="pictures/{name}.svg"' in page, name
+        assert f'src="pictures/{name}.svg"' in page, f"draw a picture of {name!r} in tools/pictures.py"
         picture = (site / "pictures" / f"{name}.svg").read_text("utf-8")
         assert picture.count("<polyline") >= (2 if name in KINDS else 1), name
         assert "nan" not in picture, name
@@ -154,20 +156,26 @@ def page(name):
 def test_pages_name_every_function_of_equations():
     text = page("models.md")
     listed = re.findall(r"\w+", text[text.index("Functions:") : text.index("constants pi and e")])
-    assert [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text] == []
+    missing = [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text]
+    assert missing == [], f'name {missing} in the paragraph "Functions:" of docs/models.md'
 
 
 def test_pages_name_every_method_of_search():
     """The overview says how many there are beside `auto`, and `choosing.md` has all of them."""
     (more,) = re.findall(r"`auto` \([^)]*\) and (\d+) other methods", page("overview.md"))
-    assert int(more) == len(REGISTRY) - 1
-    assert [name for name in REGISTRY if f"`{name}`" not in page("choosing.md")] == []
+    missing = [name for name in REGISTRY if f"`{name}`" not in page("choosing.md")]
+    assert (missing, int(more)) == ([], len(REGISTRY) - 1), (
+        f"name {missing} in docs/choosing.md, and write {len(REGISTRY) - 1} other methods in docs/overview.md"
+    )
 
 
 def test_pages_name_every_stepper_and_every_addition():
-    assert [name for name in STEPPERS if f'"{name}"' not in page("study-file.md")] == []
-    assert [name for name in ("auto", EXACT, *FIXED) if f'| `"{name}"` |' not in page("closed-loop.md")] == []
-    assert [kind for kind in KINDS if f"`{kind}`" not in page("diagnosis.md")] == []
+    missing = [name for name in STEPPERS if f'"{name}"' not in page("study-file.md")]
+    assert missing == [], f"name {missing} where docs/study-file.md says what `stepper` may be"
+    missing = [name for name in ("auto", EXACT, *FIXED) if f'| `"{name}"` |' not in page("closed-loop.md")]
+    assert missing == [], f"add a row for {missing} to the table of steppers in docs/closed-loop.md"
+    missing = [kind for kind in KINDS if f"`{kind}`" not in page("diagnosis.md")]
+    assert missing == [], f"add {missing} to the table of additions in docs/diagnosis.md"
 
 
 def test_the_page_of_the_study_file_names_every_key():
@@ -176,8 +184,10 @@ def test_the_page_of_the_study_file_names_every_key():
     tables = {name: table for name, table in {"top": schema, **schema["$defs"]}.items() if name != "ControlTable"}
     assert len(tables) > 10
     keys = {(name, key) for name, table in tables.items() for key in table.get("properties", {})}
-    assert sorted(k for k in keys if not re.search(rf"[`\[{{.\s]{k[1]}[`\].\s=]", text)) == []
+    missing = sorted(k for k in keys if not re.search(rf"[`\[{{.\s]{k[1]}[`\].\s=]", text))
+    assert missing == [], f"explain these keys (table, key) in docs/study-file.md: {missing}"
 
 
 def test_every_model_of_the_library_is_a_name_of_the_room():
-    assert set(_PLACES) <= set(plantfit.models.__all__)
+    missing = sorted(set(_PLACES) - set(plantfit.models.__all__))
+    assert missing == [], f"add {missing} to the three lists of src/plantfit/models/__init__.py"

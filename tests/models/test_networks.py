@@ -324,6 +324,8 @@ def test_no_part_has_a_name_that_equations_use():
     from plantfit.models.text.functions import SPECIAL
 
     constants = {c for p in PARTS.values() for c in p.constants}
-    assert {*declarations.RESERVED, *SPECIAL, *constants} == RESERVED
+    used = {*declarations.RESERVED, *SPECIAL, *constants}
+    assert used - RESERVED == set(), f"add {used - RESERVED} to _USED in src/plantfit/models/networks/netlist.py"
+    assert RESERVED - used == set(), f"take {RESERVED - used} out of _USED in src/plantfit/models/networks/netlist.py"
     with pytest.raises(EquationError, match="'max' has a meaning of its own"):
         network("max resistor a b")

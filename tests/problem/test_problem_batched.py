@@ -70,8 +70,11 @@ def close(actual, expected, tolerance):
 
 
 def test_every_stepper_is_held_to_a_plain_loop():
-    assert {*FIXED} <= {*PLAIN}
-    assert {*FIXED} == {case.stepper for case in CASES.values()}
+    missing = {*FIXED} - {*PLAIN}
+    assert missing == set(), f"write a plain loop of {missing} in problem_batched_plants.py and name it in PLAIN there"
+    missing = {*FIXED} - {case.stepper for case in CASES.values()}
+    assert missing == set(), f"add a row with stepper={missing} to CASES here"
+    assert {case.stepper for case in CASES.values()} <= {*FIXED}
 
 
 @each_case

@@ -1,5 +1,10 @@
-"""Cleaning steps against closed forms."""
+"""Cleaning steps against closed forms; study files and their page know every step."""
 
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -7,8 +12,9 @@ import pytest
 
 import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
-from plantfit.recording import Recording, Signal
+from plantfit.recording import Recording, Signal, clean
 from plantfit.recording.clean.outliers import step_without
+from plantfit.spec.recordings import CLEANING
 
 DT = 0.01
 T = np.arange(2000) * DT
@@ -240,3 +246,35 @@ def test_stretches_are_dropped():
     for between in wrong:
         with pytest.raises(RecordingError, match=r"give pairs \[start, stop\] in seconds that hold samples"):
             rec.drop_samples(made, "q", between=between)
+
+
+NO_STEPS = {
+    "with_signal": "puts the values of a step into a recording",
+    "with_new": "puts a new signal into a recording",
+}
+"""Functions from a recording to a recording that study files do not take, with the reason."""
+
+
+def steps_of_code():
+    """Names of public functions from a recording to one recording: those of `recording/clean/` and those that Python users call."""
+    modules = [import_module(f"plantfit.recording.clean.{m.name}") for m in iter_modules(clean.__path__)]
+    own = {n: f for m in modules for n, f in vars(m).items() if inspect.isfunction(f) and f.__module__ == m.__name__ and n[0] != "_"}
+    functions = own | {n: f for n in rec.__all__ if inspect.isfunction(f := getattr(rec, n))}
+    takes = {n: [p.annotation for p in inspect.signature(f).parameters.values()][:1] for n, f in functions.items()}
+    return {n for n, f in functions.items() if takes[n] == [Recording] and inspect.signature(f).return_annotation is Recording}
+
+
+def test_study_files_take_every_cleaning_step():
+    steps = steps_of_code()
+    assert len(steps) > 20
+    missing = sorted(steps - set(CLEANING) - set(NO_STEPS))
+    assert missing == [], f"add {missing} to CLEANING in src/plantfit/spec/recordings.py, or to NO_STEPS here with the reason"
+    unknown = [name for name in CLEANING if name not in rec.__all__]
+    assert unknown == [], f"add {unknown} to the three lists of src/plantfit/recording/__init__.py"
+
+
+def test_the_page_on_recordings_has_a_row_for_every_cleaning_step():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "recordings.md").read_text("utf-8")
+    rows = " ".join(re.findall(r"^\| (`[^|]*) \|", page.split("| step | what it does |")[1].split("\n\n")[0], re.MULTILINE))
+    missing = [name for name in CLEANING if not re.search(rf"`{name}[(`]", rows)]
+    assert missing == [], f"add a row for {missing} to the table of steps in docs/recordings.md"

@@ -174,7 +174,7 @@ def test_many_recordings_stay_small_and_say_nothing_twice():
     findings["recordings"][3]["log"] = ["Something else was done."]
     findings["recordings"].append({**example(samples=2000)["recordings"][0], "name": "short", "log": []})
     text = render_html(findings)
-    assert len(text.encode()) < 1.5e6
+    assert len(text.encode()) < 1.5e6, "a figure for each recording makes the page too large: limit how many there are, as MOST_INTERVALS"
     page = Page(text).text
     for once in ("Shown decimated", "samples used to fit", *log[1:]):
         assert page.count(once) == 1, once
@@ -255,7 +255,7 @@ def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
     document = drawn(write_report(example(samples=200), tmp_path / "report.html"), tmp_path / "profile")
     page = Page(document)
     count = len(figures_in(document))
-    assert count == 17
+    assert count == 17, f"the example page has {count} figures: write this number here if a figure was added to the report on purpose"
     assert sum("main-svg" in (attrs.get("class") or "") for tag, attrs in page.tags if tag == "svg") >= count
     titles = [attrs.get("data-title") or "" for _, attrs in page.tags]
     assert any("Download plot" in title for title in titles)  # the bar is there, so that the next line can fail

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def same(a, b):
 
 @pytest.mark.parametrize("name", names())
 def test_a_seed_gives_the_same_bits_and_another_seed_another_record(name):
-    short = {"pendubot": 3.0, "robot_motor": 0.05}.get(name, 20.0)
+    short = {"pendubot": 3.0, "robot_motor": 0.05}.get(name, max(20.0, 20 * offered(name).period))
     one, again, other = (record_rig(name, seed=s, duration=short) for s in (3, 3, 4))
     assert same(one.recording, again.recording)
     assert one.truth == again.truth
@@ -38,7 +39,7 @@ def test_a_seed_gives_the_same_bits_and_another_seed_another_record(name):
 
 @pytest.mark.parametrize("name", names())
 def test_the_truth_says_every_number_with_its_unit(name):
-    truth = record_rig(name, duration=3.0).truth
+    truth = record_rig(name, duration=max(3.0, 20 * offered(name).period)).truth
     told = {**truth["constants"], **truth["noise"], **truth["settings"]}
     for n in offered(name).numbers:
         if n.value is not None:
@@ -49,6 +50,14 @@ def test_the_truth_says_every_number_with_its_unit(name):
     assert truth["drawn"]
     assert truth["determined"]
     json.dumps(truth, allow_nan=False)
+
+
+def test_the_page_on_virtual_rigs_has_a_row_for_every_rig():
+    rows = re.findall(
+        r"^\| `(\w+)` \|", (Path(__file__).resolve().parents[2] / "docs" / "virtual-rigs.md").read_text("utf-8"), re.MULTILINE
+    )
+    missing = [name for name in names() if name not in rows]
+    assert missing == [], f"add a row for {missing} to the table of rigs in docs/virtual-rigs.md"
 
 
 def test_a_pendubot_with_its_own_links_moves_as_its_equations_say():

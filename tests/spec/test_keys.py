@@ -1,9 +1,13 @@
-"""A misspelt key is named with the one that was meant, in every table; names of steppers are those of the table of steppers."""
+"""A misspelt key is named with the one that was meant, in every table; names of steppers and controllers are those of
+their tables."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from plantfit.control.tune.forms.names import CONTROLLERS, REGULATOR
 from plantfit.errors import SpecError
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.spec.tables import json_schema, validated
@@ -53,6 +57,14 @@ def test_steppers_of_the_study_file_are_those_of_the_table():
     assert said == (f"s.toml: simulation.stepper = 'rk5' cannot be used: write {', '.join(first)} or {last}.")
     for name in STEPPERS:
         assert validated(f'{HEAD}[model]\n[simulation]\nstepper = "{name}"', Path("s.toml")).simulation.stepper == name
+
+
+def test_controllers_of_the_study_file_are_those_of_the_list_and_load_no_jax():
+    assert json_schema()["$defs"]["ControlTable"]["properties"]["controller"]["enum"] == [*CONTROLLERS, REGULATOR]
+    assert "control.controller = 'pidd' cannot be used: write 'pid', 'pi'" in refused(f'{HEAD}[model]\n[control]\ncontroller = "pidd"')
+    loaded = "import sys, plantfit.spec.tables; print([m for m in ('jax', 'scipy', 'numpy') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "[]", "keep slow packages out of what spec/tables.py imports: a slip in a study file is told at once"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from plantfit.control.tune.forms.names import CONTROLLERS, REGULATOR
 from plantfit.errors import SpecError
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.spec.asked import asked
@@ -55,8 +56,10 @@ Starts = Annotated[Any, BeforeValidator(_starts)]  # the same, or a table of rec
 Units = Annotated[dict[str, str | None], BeforeValidator(_names)]
 if TYPE_CHECKING:
     StepperName = str
+    ControllerName = str
 else:
     StepperName = Literal[tuple(STEPPERS)]
+    ControllerName = Literal[(*CONTROLLERS, REGULATOR)]
 
 
 class RecordingTable(_Table):
@@ -190,7 +193,7 @@ class ControlTable(_Table):
 
     output: str | None = None
     input: str | None = None
-    controller: Literal["pid", "pi", "smith", "cascade", "scheduled", "lqi", "mpc", "lqr"] = "pid"
+    controller: ControllerName = "pid"
     set_point: float | str | None = None
     step: float | str | None = None
     load: float | str | None = None

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from plantfit.cli.options.shared import FinishedSpec, Json, StorePlace, StudyNumber
+from plantfit.control.tune.forms.names import CONTROLLERS, REGULATOR
 from plantfit.study.store.addresses import STORE
 
 
@@ -64,7 +65,7 @@ def tune(
     input_: Annotated[str | None, typer.Option("--input", help="The input that is driven.")] = None,
     controller: Annotated[
         str | None,
-        typer.Option("--controller", help="pid, pi, smith, cascade, scheduled, lqi (LQ servo), mpc, or lqr with --hold."),
+        typer.Option("--controller", help=f"{', '.join(CONTROLLERS)}, or {REGULATOR} with --hold; lqi is an LQ servo."),
     ] = None,
     period: Annotated[str | None, typer.Option("--period", help="Sample time of the controller, as in 0.5s.")] = None,
     lower: Annotated[str | None, typer.Option("--lower", help="Lowest input of the actuator.")] = None,

@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
+from plantfit.control.tune.forms.names import CONTROLLERS
 from plantfit.errors import SimulationError
 from plantfit.findings.results.tuned_controller import LoopWishes
 
 SETTLED = 0.05  # of the step: a loop that is farther off at the end of it does not hold the set point
 TOLERATED = 0.01  # of the step
-CONTROLLERS = ("pid", "pi", "smith", "cascade", "scheduled", "lqi", "mpc")
 
 
 @dataclass(frozen=True)
