@@ -1,15 +1,20 @@
 """Between which values the states of a record's pieces begin, for a problem in which each piece has a start of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
+from plantfit.problem.accuracy.steps import choose_substeps
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.start import LOOSE, Shooting
 from plantfit.simulate.simulator import Drive
 
 STARTS = 4  # of multiple shooting
-WIDER = 0.5  # of the range in which states were found, on either side
+STEPS = 4  # between samples, at which states are looked for
+WIDER = 1.0  # of the range in which states were found, on either side
+CLEAR = 0.5  # of the standard deviation about the line, beyond which a value is on one side of it
 SURE = 5.0  # times the sample-to-sample noise of an output that a state begins at
 LEAST = 1e-4  # of the range of an output, what its noise is taken to be at least
 
@@ -21,13 +26,18 @@ def piece_starts(problem: Problem, length: float) -> dict[str, tuple[float, floa
     joints of segments of `length` seconds that follow the records, joined loosely. Raises SearchError where segments cannot be simulated,
     and as `Shooting.of` does.
     """
-    shooting = Shooting.of(problem, length=length)
-    shot = shooting.search(starts=STARTS, weights=LOOSE)
-    if not np.all(np.isfinite(shot.states)):
+    simulator = problem.predictor.stepping()
+    for steps in (replace(simulator, substeps=max(STEPS, simulator.substeps)), None):
+        problem = choose_substeps(problem) if steps is None else problem.with_simulator(steps)
+        shooting = Shooting.of(problem, length=length)
+        shot = shooting.search(starts=STARTS, weights=LOOSE)
+        if np.isfinite(shot.cost):
+            break
+    else:
         raise SearchError(
             "No segments of the records can be simulated, which would tell where states begin; write `pieces` and `start` by hand."
         )
-    simulator, values = problem.predictor.stepping(), problem.space.physical(shot.z)
+    values = problem.space.physical(shot.z)
     states = simulator.vector.states
     low, high = np.full(len(states), np.inf), np.full(len(states), -np.inf)
     for k, (name, drive) in enumerate((n, d) for n, d in problem.data["drive"].items() if isinstance(d, Drive)):
@@ -41,6 +51,16 @@ def piece_starts(problem: Problem, length: float) -> dict[str, tuple[float, floa
         low = np.minimum(low, np.where(reach > 0.0, -reach, np.min(at, axis=0) - room))
         high = np.maximum(high, np.where(reach > 0.0, reach, np.max(at, axis=0) + room))
     return {s: (_rounded(a), _rounded(b)) for s, a, b in zip(states, low, high, strict=True)}
+
+
+def half_waves(y: np.ndarray) -> int:
+    """How often measured values (n,) cross the straight line through them: half the waves that they make; noise about it is no wave."""
+    at = np.flatnonzero(np.isfinite(y))
+    if len(at) < 3:
+        return 0
+    rest = y[at] - np.polyval(np.polyfit(at, y[at], 1), at)
+    far = rest[np.abs(rest) > CLEAR * np.std(rest)]
+    return int(np.sum(np.sign(far[1:]) != np.sign(far[:-1])))
 
 
 def _initial(simulator, p, drive: Drive, first: np.ndarray) -> np.ndarray:

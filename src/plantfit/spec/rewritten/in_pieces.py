@@ -10,13 +10,12 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SpecError
 from plantfit.models.extensions import parameter_name
 from plantfit.models.model import Model
-from plantfit.problem.accuracy.steps import choose_substeps
-from plantfit.problem.shooting.piece_starts import piece_starts
+from plantfit.problem.shooting.piece_starts import half_waves, piece_starts
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.reading import parse
 from plantfit.spec.study import Study
 
-SEGMENTS = 5  # of each piece, joined to find a start
+SEGMENTS = 5  # of each piece at least, joined to find a start
 OF_WHOLE_RECORDS = ("methods", "settings", "runs")  # keys of [search] that the search in pieces does not take over
 
 
@@ -45,9 +44,11 @@ def in_pieces(study: Study, seconds: float) -> str:
     for name in long:
         tables[name]["pieces"] = int(seconds) if seconds == int(seconds) else seconds
     cut = _read(document, study, seconds).problem.experiments
-    segments = min(SEGMENTS, *(max(1, len(e.recording) // 2) for e in cut.values()))
+    shortest = min(len(e.recording) for e in cut.values())
+    waves = max(half_waves(e.recording[o]) for e in cut.values() for o in study.problem.outputs)
+    segments = max(1, min(max(SEGMENTS, waves), shortest // 2))
     with errors_at(path.name):
-        starts = piece_starts(choose_substeps(study.problem), seconds / segments)
+        starts = piece_starts(study.problem, seconds / segments)
     own: Any = document["model"].setdefault("extensions", tomlkit.table())  # type: ignore[union-attr]
     own["start"] = tomlkit.inline_table()
     parameters: Any = document.setdefault("parameters", tomlkit.table())
