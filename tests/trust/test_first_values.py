@@ -45,7 +45,7 @@ def test_the_effect_of_a_first_value_is_the_free_response():
     problem = problem_of(clean() + NOISE * np.random.default_rng(0).normal(size=N))
     z = answer(problem)
     tau = float(np.asarray(problem.space.physical(z))[1])
-    (column,) = first_value_effects(problem, z, residual_blocks(problem)).T
+    (column,) = first_value_effects(problem, z, residual_blocks(problem)).noise.T
     noise = np.sqrt(np.sum(np.asarray(problem.residuals(z)) ** 2) / (N - 3))  # of scaled residuals
     np.testing.assert_allclose(column[1:], noise * np.exp(-T[1:] / tau), atol=2e-3 * noise)
     assert column[0] == pytest.approx(0.0, abs=1e-9)  # the residual of the value itself stays zero
@@ -54,13 +54,13 @@ def test_the_effect_of_a_first_value_is_the_free_response():
 def test_there_are_none_where_states_begin_elsewhere():
     y = clean() + NOISE * np.random.default_rng(0).normal(size=N)
     free = problem_of(y, initial="free")
-    assert first_value_effects(free, answer(free), residual_blocks(free)).shape == (N, 0)
+    assert first_value_effects(free, answer(free), residual_blocks(free)).noise.shape == (N, 0)
     rest = equations("x' = (K*u - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=DECLARED)
     problem = Problem(rest, Recording(T, {"u": Signal(np.ones(N)), "y": Signal(y)}))
-    assert first_value_effects(problem, np.array([0.3, 0.3]), residual_blocks(problem)).shape == (N, 0)
+    assert first_value_effects(problem, np.array([0.3, 0.3]), residual_blocks(problem)).noise.shape == (N, 0)
     line = equations("y = K*u", inputs=["u"], outputs=["y"], parameters={"K": DECLARED["K"]})
     problem = Problem(line, Recording(T, {"u": Signal(T), "y": Signal(y)}))
-    assert first_value_effects(problem, np.array([0.3]), residual_blocks(problem)).shape == (N, 0)
+    assert first_value_effects(problem, np.array([0.3]), residual_blocks(problem)).noise.shape == (N, 0)
 
 
 def test_every_recording_has_a_column_of_its_own_and_weights_count():
@@ -71,14 +71,14 @@ def test_every_recording_has_a_column_of_its_own_and_weights_count():
         record, t=T[:200], signals={n: Signal(s.values[:200], s.unit) for n, s in record.signals.items()}, name="short"
     )
     both = Problem(one.model, {"long": dataclasses.replace(record, name="long"), "short": short}, {n: BOUNDS[n] for n in TRUTH}, substeps=2)
-    columns = first_value_effects(both, answer(both), residual_blocks(both))
+    columns = first_value_effects(both, answer(both), residual_blocks(both)).noise
     assert columns.shape == (N + 200, 2)
     assert np.all(columns[N:, 0] == 0.0)
     assert np.all(columns[:N, 1] == 0.0)
     assert columns[1, 0] > 0 < columns[N + 1, 1]
     weighed = Problem(one.model, {"long": record, "short": short}, {n: BOUNDS[n] for n in TRUTH}, substeps=2, balance="recordings")
     assert weighed.weights is not None
-    own = first_value_effects(weighed, answer(both), residual_blocks(weighed))
+    own = first_value_effects(weighed, answer(both), residual_blocks(weighed)).noise
     by_weight = np.sqrt(weighed.weights["long"] / weighed.weights["short"])
     assert own[1, 0] / own[N + 1, 1] == pytest.approx(by_weight * columns[1, 0] / columns[N + 1, 1], rel=0.02)
 
@@ -128,7 +128,7 @@ def test_an_unstable_plant_with_a_free_start_is_as_well_known_as_without_the_mea
     problem = problem.with_recordings({next(iter(problem.experiments)): Recording(t, {"y": Signal(y, "rad")})})
     z = descent(problem, problem.space.cube(problem.space.vector({"a": 64.0, "start": 1e-3 - y[0]}))).z
     local = linearise(problem, z)
-    assert first_value_effects(problem, z, residual_blocks(problem)).shape[1] == 1
+    assert first_value_effects(problem, z, residual_blocks(problem)).noise.shape[1] == 1
     assert local.linear is not None
     np.testing.assert_allclose(local.linear.begun[:1], 1.0, atol=0.05)  # `start` takes up what the value does: a does not move
 

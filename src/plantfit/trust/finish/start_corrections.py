@@ -14,7 +14,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.descent import Descent, descent
-from plantfit.trust.intervals.first_values import ValueEffect, beside, is_scored, value_effects
+from plantfit.trust.intervals.first_values import ValueEffect, is_scored, value_effects
 from plantfit.trust.intervals.linearised import named_blocks
 from plantfit.trust.validate.residual_tests import white_part
 
@@ -81,8 +81,14 @@ def _open(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
     if not effects:
         return []
     columns = np.stack([e.column for e in effects], axis=1)
-    left = np.linalg.norm(beside(jacobian, columns), axis=0) > TAKEN_UP * np.linalg.norm(columns, axis=0)
+    left = np.linalg.norm(_beside(jacobian, columns), axis=0) > TAKEN_UP * np.linalg.norm(columns, axis=0)
     return [e for e, own in zip(effects, left, strict=True) if own]
+
+
+def _beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """What parameters with derivatives (m, d) cannot take up of the columns (m, k)."""
+    scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=1e-12)[0]
 
 
 def _step(

@@ -37,9 +37,7 @@ def heterogeneity_findings(
             {**_EMPTY, "state": "left", "allowed": allowed, "recordings": [{"name": n} for n in names]}
         )
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
-    begins = np.zeros((len(residuals), 0))
-    if np.any(local.linear.begun > 1.0):
-        begins = first_value_effects(problem, z, residual_blocks(problem))
+    begins = first_value_effects(problem, z, residual_blocks(problem))
     each, taken = refitted(problem, z, residuals, jacobian, begins, allowed)
     record = compared(problem, of_all(problem, local, rows, residuals), each)
     kept = {k: v for k, v in record.items() if k not in ("name", "verdict")}

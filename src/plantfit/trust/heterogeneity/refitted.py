@@ -12,7 +12,7 @@ from plantfit.problem.evaluate.points import at_several
 from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.heterogeneity.alone import Estimates
-from plantfit.trust.intervals.covariance import Block
+from plantfit.trust.intervals.covariance import Begins, Block
 from plantfit.trust.intervals.linearised import EDGE, Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 from plantfit.trust.intervals.ranges import linear_problem
@@ -38,11 +38,11 @@ def work(problem: Problem, count: int) -> float:
 
 
 def refitted(
-    problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, begins: np.ndarray, allowed: float
+    problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, begins: Begins, allowed: float
 ) -> tuple[dict[str, Estimates], float]:
     """By recording what it says alone, and the evaluations that were spent, about `allowed` at most; of recordings that come to their end.
 
-    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` (m, k) as in `covariance`. One local search each, bounded by the
+    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` as in `covariance`. One local search each, bounded by the
     box, all of them in step: no point depends on how many others there are.
     """
     rows = own_rows(problem)
@@ -64,16 +64,15 @@ def refitted(
             s.update(*steps[n], r[rows[n][0]], j[rows[n][0]][:, places[n]])
         spent += work(problem, len(moving))
     ended = {n: s for n, s in searches.items() if s.done}
-    return {n: _estimates(problem, n, z, s, rows[n][1], begins[rows[n][0]]) for n, s in ended.items()}, spent
+    return {n: _estimates(problem, n, z, s, rows[n][1], begins.of(rows[n][0])) for n, s in ended.items()}, spent
 
 
-def _estimates(problem: Problem, name: str, z: np.ndarray, search: Search, blocks: Sequence[Block], begins: np.ndarray) -> Estimates:
+def _estimates(problem: Problem, name: str, z: np.ndarray, search: Search, blocks: Sequence[Block], begins: Begins) -> Estimates:
     whole, own = np.array(z, dtype=float), search.own
     whole[own] = search.x
     jacobian = np.zeros((len(search.residuals), len(whole)))
     jacobian[:, own] = search.jacobian
-    felt = begins[:, np.any(begins != 0.0, axis=0)]
-    linear = linear_problem(problem, whole, search.residuals, jacobian, list(blocks), problem.robust, own, felt)
+    linear = linear_problem(problem, whole, search.residuals, jacobian, list(blocks), problem.robust, own, begins)
     covariance = linear.spread * linear.size[:, None] * linear.size[None, :]
     touched = np.any(search.jacobian != 0.0, axis=0)
     bound = tuple("lower" if x <= EDGE else "upper" if x >= 1.0 - EDGE else None for x in search.x)

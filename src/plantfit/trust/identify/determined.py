@@ -10,6 +10,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
+from plantfit.models.extensions import parameter_name
 from plantfit.models.remade import takes
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.ranges import Linear, Range
@@ -97,7 +98,11 @@ def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]
     if problem.start_corrections:
         return None  # estimated beside the parameters, as free starts would be
     names = problem.space.names
-    known = [i for i, n in enumerate(names) if status[n] in ("determined", "weak")]
+    told = {parameter_name("start", s) for s in getattr(problem.model, "states", ())}  # their values count from the measured ones
+    known = [
+        i for i, (n, c) in enumerate(zip(names, problem.space.coordinates, strict=True))
+        if status[n] in ("determined", "weak") and c.parameter not in told
+    ]  # fmt: skip
     widest = max(known, key=lambda i: linear.begun[i], default=None)
     if widest is None or linear.begun[widest] < WIDER:
         return None

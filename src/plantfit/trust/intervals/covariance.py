@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -157,6 +158,24 @@ def rounding(data: np.ndarray, samples: int) -> float:
     return max(EXACT**2 * float(np.max(np.diag(data), initial=0.0)) / max(samples, 1), 1e-200)
 
 
+class Begins(NamedTuple):
+    """What noise of measured values that states begin at does to the residuals, by standard deviations of that noise.
+
+    `noise` (m, k) of values that the fit takes as they are, `estimated` (m, l) of those whose noise it estimates; `known` (l,) is the
+    information, by one standard deviation, that a value has of itself beside the residuals: 0 where it is one of the fitted samples.
+    """
+
+    noise: np.ndarray
+    estimated: np.ndarray
+    known: np.ndarray
+
+    def of(self, rows: slice) -> "Begins":
+        """Of these residuals alone, and of the values that they feel."""
+        noise, estimated = self.noise[rows], self.estimated[rows]
+        felt = np.any(estimated != 0.0, axis=0)
+        return Begins(noise[:, np.any(noise != 0.0, axis=0)], estimated[:, felt], self.known[felt])
+
+
 def covariance(
     jacobian: np.ndarray,
     residuals: np.ndarray,
@@ -164,7 +183,7 @@ def covariance(
     free: np.ndarray,
     smoothing: np.ndarray | None = None,
     robust: bool = True,
-    begins: np.ndarray | None = None,
+    begins: Begins | None = None,
     prior: np.ndarray | None = None,
 ) -> np.ndarray:
     """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior, or one of precision `prior` (d,).
@@ -176,7 +195,7 @@ def covariance(
     keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
     adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
     section 2).
-    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance). `begins` (m, k) is what noise of
+    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance). `begins` tells what noise of
     measured values that states begin at does to the residuals (`first_values`).
     Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
@@ -195,7 +214,11 @@ def covariance(
     smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
     before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))
     bread = np.linalg.inv(hessian + before)
-    spread = sandwich(j, residuals, blocks, bread, before, variance, degrees, robust) + begun(j, bread, variance, begins)
+    if begins is not None and begins.estimated.shape[1]:
+        spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins)
+    else:
+        spread = sandwich(j, residuals, blocks, bread, before, variance, degrees, robust)
+    spread = spread + begun(j, bread, variance, begins)
     if prior is not None:
         result[np.ix_(active, active)] = 0.5 * (spread + spread.T)
         return result
@@ -204,12 +227,35 @@ def covariance(
     return 0.5 * (result + result.T)
 
 
-def begun(j: np.ndarray, bread: np.ndarray, variance: float, begins: np.ndarray | None) -> np.ndarray:
-    """Covariance (d, d) that noise in measured initial values adds, from its effects on the residuals (m, k)."""
-    if begins is None or not begins.shape[1]:
+def begun(j: np.ndarray, bread: np.ndarray, variance: float, begins: Begins | None) -> np.ndarray:
+    """Covariance (d, d) that noise in measured initial values adds which the fit has not estimated."""
+    if begins is None or not begins.noise.shape[1]:
         return np.zeros_like(bread)
-    moved = bread @ (j.T @ begins) / variance
+    moved = bread @ (j.T @ begins.noise) / variance
     return moved @ moved.T
+
+
+def beside_starts(
+    j: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    bread: np.ndarray,
+    prior: np.ndarray,
+    variance: float,
+    degrees: int,
+    robust: bool,
+    begins: Begins,
+) -> np.ndarray:
+    """As `sandwich`, with starts that were estimated beside the parameters: those are part of the estimates, and not told."""
+    d, columns = j.shape[1], begins.estimated
+    cross, own = j.T @ columns / variance, columns.T @ columns / variance + np.diag(begins.known)
+    moved = bread @ cross
+    left = own - cross.T @ moved
+    corner = np.linalg.inv(0.5 * (left + left.T))
+    whole = np.block([[bread + moved @ corner @ moved.T, -moved @ corner], [-corner @ moved.T, corner]])
+    before = np.zeros_like(whole)
+    before[:d, :d], before[d:, d:] = prior, np.diag(begins.known)
+    return sandwich(np.hstack([j, columns]), residuals, blocks, whole, before, variance, degrees, robust)[:d, :d]
 
 
 def sandwich(

@@ -7,47 +7,30 @@ from typing import NamedTuple
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.evaluate.points import residuals, residuals_and_jacobian
+from plantfit.problem.evaluate.points import residuals
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Signal
 from plantfit.simulate.simulator import Drive
-from plantfit.trust.intervals.covariance import Block
+from plantfit.trust.intervals.covariance import Begins, Block
 
 STEP = 1e-3  # of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
-ROUNDING = 1e-9  # of the information that one sample has of its noise
 LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
-def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
-    """How one standard deviation of the noise of every such value changes the residuals at the cube point z (d,): columns (m, k).
+def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> Begins:
+    """How one standard deviation of the noise of every such value changes the residuals at the cube point z (d,).
 
     The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where states do not begin
     at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
-    where the measurement says.
-
-    Where the fit has estimated this noise (`finish.start_corrections`), columns are what is left of it: the covariance that they add is
-    that which the estimates of starts share with the parameters, by the inverse in blocks.
+    where the measurement says. Where the fit has estimated this noise (`finish.start_corrections`), it is one more unknown.
     """
-    effects = value_effects(problem, z, blocks)
-    if not effects:
-        return np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
-    columns = np.stack([e.column for e in effects], axis=1)
-    estimated = np.array([e.output in problem.start_corrections.get(e.recording, ()) for e in effects])
-    if not np.any(estimated):
-        return columns
-    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
-    own = beside(jacobian, columns[:, estimated])
-    variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(z)), 1e-300)
-    known = np.array([0.0 if is_scored(problem, e) else 1.0 for e, moved in zip(effects, estimated, strict=True) if moved])
-    root = np.linalg.cholesky(own.T @ own / variance + np.diag(np.maximum(known, ROUNDING)))
-    columns[:, estimated] = np.linalg.solve(root, columns[:, estimated].T).T
-    return columns
-
-
-def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What parameters with derivatives (m, d) cannot take up of the columns (m, k)."""
-    scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=1e-12)[0]
+    effects, starts = value_effects(problem, z, blocks), problem.start_corrections
+    found = [e for e in effects if e.output in starts.get(e.recording, ())]
+    columns = [
+        np.stack([e.column for e in own], axis=1) if own else np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
+        for own in ([e for e in effects if not any(e is f for f in found)], found)
+    ]
+    return Begins(columns[0], columns[1], np.array([0.0 if is_scored(problem, e) else 1.0 for e in found]))
 
 
 class ValueEffect(NamedTuple):

@@ -13,7 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.finish.unknown_noise import as_known, unknown_noise
 from plantfit.trust.identify.directions import Direction, flat_directions
-from plantfit.trust.intervals.covariance import Block, covariance, effective_parameters, known_variance, normal_matrix
+from plantfit.trust.intervals.covariance import Begins, Block, covariance, effective_parameters, known_variance, normal_matrix
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
@@ -105,7 +105,7 @@ def _unboxed(
     free: np.ndarray,
     smoothing: np.ndarray,
     robust: bool,
-    begins: np.ndarray,
+    begins: Begins,
 ) -> np.ndarray:
     """Standard errors (d,) in the parameters' units where nothing but a smoothing is known beside the data.
 

@@ -13,7 +13,7 @@ from plantfit.problem.measure.long_run import first_correlation, most_memory, un
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.intervals.at_limits import limit_factors
-from plantfit.trust.intervals.covariance import Block, begun, known_variance, own_student, rounding, sandwich
+from plantfit.trust.intervals.covariance import Begins, Block, begun, beside_starts, known_variance, own_student, rounding, sandwich
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -109,11 +109,11 @@ def linear_problem(
     blocks: list[Block],
     robust: bool,
     places: np.ndarray | None = None,
-    begins: np.ndarray | None = None,
+    begins: Begins | None = None,
 ) -> Linear:
     """The problem at the cube point z (d,), with residuals (m,) and their derivatives (m, d) there.
 
-    With `places` (q,) of these coordinates alone, the others held. `begins` (m, k) as in `covariance`.
+    With `places` (q,) of these coordinates alone, the others held. `begins` as in `covariance`.
     """
     space, at = problem.space, np.arange(len(z)) if places is None else np.asarray(places, dtype=int)
     coordinates = [space.coordinates[i] for i in at]
@@ -134,14 +134,25 @@ def linear_problem(
     own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
     # along principal directions: by the parameters, of which open directions make `bread` large, it would be rounding
     along = np.diag(1.0 / singular**2)
-    turned = begun(j @ right.T, along, variance, begins) if begins is not None else np.zeros_like(bread)
-    spread = own + right.T @ turned @ right
+    estimated = begins is not None and begins.estimated.shape[1] > 0
+    turned, prior = begun(j @ right.T, along, variance, begins), np.eye(len(at)) / FAR**2
+    spread = right.T @ turned @ right
+    if begins is not None and estimated:
+        spread = spread + beside_starts(j, residuals, blocks, bread, prior, variance, free, robust, begins)
+    else:
+        spread = spread + own
     loose = bool(len(at)) and float(singular[-1]) < 1.0 / LOOSE
-    if loose:
-        turned = turned + sandwich(j @ right.T, residuals, blocks, along, np.eye(len(at)) / FAR**2, variance, free, robust)
+    if loose and begins is not None and estimated:
+        turned = turned + beside_starts(j @ right.T, residuals, blocks, along, prior, variance, free, robust, begins)
+    elif loose:
+        turned = turned + sandwich(j @ right.T, residuals, blocks, along, prior, variance, free, robust)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
-    quantile = float(stdtrit(MANY if known else max(1.0, samples - len(at)), 0.5 + LEVEL / 2))
+    degrees = samples - len(at)
+    if degrees > 0 and memory > 2.0 / np.sqrt(len(residuals)):
+        # an estimated correlation r makes sums of an AR(1) uncertain as 4 (1 + r) / (n (1 - r)) of their variance, by its own (1 - r^2) / n
+        degrees = 1.0 / (1.0 / degrees + 2.0 / samples)
+    quantile = float(stdtrit(MANY if known else max(1.0, degrees), 0.5 + LEVEL / 2))
     inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
