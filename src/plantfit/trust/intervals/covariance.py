@@ -5,9 +5,19 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.sparse.csgraph import connected_components
 
-from plantfit.problem.measure.long_run import at_most, degrees_of_freedom, prewhitened_long_run, widening
+from plantfit.problem.measure.long_run import (
+    SHORT,
+    at_most,
+    degrees_of_freedom,
+    first_correlation,
+    most_memory,
+    prewhitened_long_run,
+    unbiased,
+    widening,
+)
 
 EXACT = 1e-10  # of what a parameter does to the outputs: residuals below are rounding
 ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but for rounding
@@ -291,7 +301,9 @@ def sandwich(
         if not len(touched):  # nothing that is fitted acts on this output
             continue
         by_residual, own = rows @ bread[np.ix_(columns, touched)] / variance, residuals[block.rows]
-        plain = by_residual.T @ by_residual * errors[block.output].mean_square(own)
+        times = bool(np.all(np.diff(block.index) > 0))  # else errors belong to places of a sensor, and not to times
+        plain = with_memory(by_residual, own, j.shape[1]) if times else by_residual.T @ by_residual
+        plain *= errors[block.output].mean_square(own)
         found = prewhitened_long_run(by_residual * own[:, None], block.index, j.shape[1]) * errors[block.output].larger
         if errors[block.output].least:  # few samples: what they show by chance is no less than what their scale says
             wider = np.sqrt(np.maximum(1.0, np.diag(found) / np.maximum(np.diag(plain), 1e-300)))
@@ -301,6 +313,21 @@ def sandwich(
     least = not_below(np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance, errors), len(residuals))
     wider = np.sqrt(np.maximum(1.0, least / np.maximum(np.diag(spread), 1e-300)))
     return spread * np.outer(wider, wider)
+
+
+def with_memory(influences: np.ndarray, residuals: np.ndarray, fitted: int) -> np.ndarray:
+    """Covariance (d, d) that influences (m, d) make of errors of variance 1 with the first correlation of the residuals (m,), an AR(1)'s.
+
+    Where few samples decide, as of a start, their own residuals cannot show by how much neighbours add up. A correlation that chance
+    explains counts as none.
+    """
+    n, plain = len(residuals), influences.T @ influences
+    r = float(unbiased(first_correlation(residuals[:, None]), n, fitted)[0])
+    if n < SHORT or r <= 2.0 / np.sqrt(n):
+        return plain
+    kept = lfilter([1.0], [1.0, -min(r, most_memory(n, fitted))], influences, axis=0)
+    cross = influences.T @ kept
+    return cross + cross.T - plain
 
 
 def not_below(alike: np.ndarray, own: np.ndarray, degrees: Callable[[], np.ndarray], samples: int) -> np.ndarray:
