@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from plantfit.errors import RecordingError
 from plantfit.problem.measure.long_run import degrees_of_freedom, widening
 from plantfit.trust import RegressionPart, covariance, regression_covariance
-from plantfit.trust.intervals.covariance import Block
+from plantfit.trust.intervals.covariance import Block, with_memory
 
 TRUTH = np.array([0.5, 0.4, 0.6])
 
@@ -61,9 +61,9 @@ def test_one_target_agrees_with_the_covariance_of_a_fit():
     few = widening(degrees_of_freedom(weights * r[:, None], weights**2, np.arange(len(r))))
     assert np.all((few > 1.0) & (few < 1.05))
     got = got / np.outer(few, few)
-    # a fit's is never below what white residuals would give
-    white = np.diag(np.linalg.inv(columns[0].T @ columns[0])) * (r @ r) / (len(r) - 3)
-    wider = np.sqrt(np.maximum(1.0, white / np.diag(got)))
+    # a fit's is never below what residuals of one size with their first correlation would give
+    alike = np.diag(with_memory(weights, r, 3)) * (r @ r) / (len(r) - 3)
+    wider = np.sqrt(np.maximum(1.0, alike / np.diag(got)))
     np.testing.assert_allclose(got * np.outer(wider, wider), expected, rtol=1e-5)
 
 
