@@ -24,4 +24,4 @@ def test_the_span_of_the_instruments_and_the_valve_scale_the_static_gain(tmp_pat
     assert rows["Td"]["uncertainty"]["combined"] == pytest.approx(0.04 / np.sqrt(3))
     said = [v["sentence"] for v in answer.findings["verdict"] if "stated errors the interval of k" in v["sentence"]]
     assert len(said) == 1
-    assert "4.6 times as wide, 0.426 to 0.433 bar/%, most of it from the gain of u (valve)" in said[0]
+    assert "4.3 times as wide, 0.426 to 0.433 bar/%, most of it from the gain of u (valve)" in said[0]

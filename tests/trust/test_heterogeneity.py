@@ -242,7 +242,7 @@ def test_the_answer_names_the_recording_and_allows_for_it():
     rows = {r["name"]: r for r in answer.findings["parameters"]}
     assert "hot no longer fits the other recordings: tau is 0.90" in answer.verdict
     assert "Intervals allow for the scatter between the 4 recordings: that of K is 7." in answer.verdict
-    assert "; that of tau is 0.471 to 0.933 s instead of 0.554 to 0.773." in answer.verdict
+    assert "; that of tau is 0.471 to 0.933 s instead of 0.553 to 0.774." in answer.verdict
     assert "Two recordings say little of a scatter" not in answer.verdict
     assert "Intervals are those of one plant" not in answer.verdict
     assert "`pf.compare_records(answer)` fits each of them alone." in answer.verdict
