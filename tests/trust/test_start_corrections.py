@@ -11,8 +11,11 @@ from scipy.signal import lfilter
 
 import plantfit as pf
 from plantfit import spec
+from plantfit.space import Parameter
 from plantfit.trust.finish.descent import descent
 from plantfit.trust.finish.start_corrections import with_start_corrections
+from plantfit.trust.intervals.first_values import first_value_effects, start_parameters
+from plantfit.trust.intervals.linearised import linearise, residual_blocks
 
 PERIOD, N, NOISE = 0.1, 400, 0.02
 TEXT = "x' = (K*u - x)/tau\ny = x"
@@ -89,6 +92,26 @@ def test_every_recording_has_a_start_of_its_own():
     assert abs(answer.values["tau"] - tau) < 1e-3 * errors[1]
     found = [answer.problem.start_corrections[r.name]["y"] for r in records]
     np.testing.assert_allclose(found, [x0 - r["y"][0] for x0, r in zip(starts, records, strict=True)], rtol=1e-3)
+
+
+def test_a_first_value_that_no_noise_explains_stays_and_the_others_do_not():
+    records = [record(7, off=12.0, samples=60), record(8, off=-2.0, x0=0.3, name="short"), record(9, off=1.0, x0=4.0, name="hot")]
+    problem = problem_of({r.name: r for r in records})
+    made, end = with_start_corrections(problem, descent(problem, np.full(2, 0.3)))
+    assert set(made.start_corrections) == {"short", "hot"}
+    assert end.cost < float(problem.costs(end.z[None])[0])
+    assert first_value_effects(made, end.z, residual_blocks(made)).noise.shape[1] == 1
+    assert first_value_effects(made, end.z, residual_blocks(made)).estimated.shape[1] == 2
+
+
+@pytest.mark.parametrize(("initial", "found"), [("y", set()), ("y + start", {"start"}), ("K*start", {"K", "start"}), ("1.5", set())])
+def test_parameters_that_a_start_counts_by(initial, found):
+    model = pf.equations(
+        TEXT, inputs={"u": "V"}, states={"x": {"unit": "K", "initial": initial}}, outputs={"y": "K"}, check=False,
+        parameters={"K": {"bounds": (0.1, 20.0)}, "tau": {"bounds": (0.1, 50.0)}, **({"start": {"bounds": (-1.0, 1.0)}} if found else {})},
+    )  # fmt: skip
+    problem = pf.Problem(model, {"a": record(1), "b": record(2)}, {"start": Parameter((-1.0, 1.0), per_recording=True)} if found else {})
+    assert start_parameters(problem, np.asarray(problem.space.physical(np.full(problem.space.dimension, 0.4)))) == found
 
 
 def test_a_nonlinear_plant_of_two_outputs():
@@ -187,15 +210,9 @@ def test_intervals_hold_the_truth_and_are_no_wider_than_needed():
         before.append(problem.space.physical(end.z)[1])
         made, end = with_start_corrections(problem, end)
         taus.append(float(made.space.physical(end.z)[1]))
-        errors.append(_error(made, end.z))
+        linear = linearise(made, end.z).linear
+        assert linear is not None
+        errors.append(float(linear.standard_error[1]))
     assert np.std(taus) == pytest.approx(np.median(errors), rel=0.25)
     assert np.std(before) > 1.6 * np.std(taus)
     assert np.mean(np.abs(np.array(taus) - 2.0) <= 1.97 * np.array(errors)) >= 0.88
-
-
-def _error(problem, z):
-    from plantfit.trust.intervals.linearised import linearise
-
-    linear = linearise(problem, z).linear
-    assert linear is not None
-    return float(linear.standard_error[1])

@@ -7,9 +7,10 @@ from scipy.signal import lfilter
 import plantfit as pf
 from plantfit.models.text.equations import equations
 from plantfit.problem import Experiment, Problem
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.recording import Recording, Signal
 from plantfit.trust import autocorrelation, cross_correlation, whiteness
-from plantfit.trust.validate.residual_tests import independent, measured_rows, white_part
+from plantfit.trust.validate.residual_tests import independent, measured_rows
 
 
 def ar1(rng, n, rho) -> np.ndarray:

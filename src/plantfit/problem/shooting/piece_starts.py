@@ -7,6 +7,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.problem.accuracy.steps import choose_substeps
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.start import LOOSE, Shooting
 from plantfit.simulate.simulator import Drive
@@ -73,9 +74,7 @@ def _noises(problem: Problem, name: str) -> np.ndarray:
     for output in problem.outputs:
         y = problem.experiments[name].recording[output]
         y = y[np.isfinite(y)]
-        jumps = np.diff(y, 3)
-        noise = float(np.sqrt(np.mean(jumps**2) / 20.0)) if len(jumps) else 0.0  # third differences of white noise: 1 + 9 + 9 + 1
-        found.append(SURE * max(noise, LEAST * float(np.ptp(y)) if len(y) else 0.0))
+        found.append(SURE * np.fmax(white_part(y), LEAST * float(np.ptp(y)) if len(y) else 0.0))
     return np.array(found)
 
 

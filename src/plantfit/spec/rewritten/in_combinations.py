@@ -20,6 +20,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.errors import SpecError, UnitError
 from plantfit.spec.reading import parse
+from plantfit.spec.rewritten.document import text_of
 from plantfit.spec.study import Study
 
 PIVOTS = 3000  # choices of replaced parameters that are looked at
@@ -79,8 +80,7 @@ def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
         held.update({n: _hold(document, rows[n]) for n in group.names if n not in pivots})
     if not held:
         raise SpecError(f"{study.name}: no combination can be written, because {'; '.join(dict.fromkeys(left.values()))}.")
-    # TOML leaves out a newline behind the quotes, which tomlkit does not write
-    text = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
+    text = text_of(document)
     try:
         parse(text, study.path)
     except SpecError as error:

@@ -1,6 +1,5 @@
 """A study file whose recordings are cut into pieces with starts of their own, for plants that forget their start."""
 
-import re
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from plantfit.models.model import Model
 from plantfit.problem.shooting.piece_starts import half_waves, piece_starts
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.reading import parse
+from plantfit.spec.rewritten.document import text_of
 from plantfit.spec.study import Study
 
 SEGMENTS = 5  # of each piece at least, joined to find a start
@@ -64,9 +64,7 @@ def in_pieces(study: Study, seconds: float) -> str:
 
 
 def _read(document: tomlkit.TOMLDocument, study: Study, seconds: float) -> Study:
-    # TOML leaves out a newline behind the quotes, which tomlkit does not write
-    new = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
     try:
-        return parse(new, study.path)
+        return parse(text_of(document), study.path)
     except PlantfitError as error:
         raise SpecError(f"{study.path.name} cannot be cut into pieces of {seconds:g} s: {error}") from None

@@ -1,6 +1,5 @@
 """A study file with additions to its model: [model.extensions], their parameters, and cleaning steps; all else stays as it was written."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import tomlkit
 
 from plantfit.errors import SpecError
 from plantfit.spec.reading import parse
+from plantfit.spec.rewritten.document import text_of
 from plantfit.trust.diagnosis.treatment import SMOOTH, Change
 
 
@@ -49,8 +49,7 @@ def with_additions(
             parameters[beside] = {"bounds": [_plain(low), _plain(high)], "start": _plain(start)}
         for beside, value in c.values:
             parameters[beside] = {"value": _plain(value)}
-    # TOML leaves out a newline behind the quotes, which tomlkit does not write
-    new = re.sub(r'(equations\s*=\s*""")(?!\n)', r"\1\n", tomlkit.dumps(document), count=1)
+    new = text_of(document)
     try:
         parse(new, path)
     except SpecError as error:

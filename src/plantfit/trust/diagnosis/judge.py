@@ -12,10 +12,10 @@ import numpy as np
 from scipy import special
 
 from plantfit.problem.measure.long_run import inflation
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
-from plantfit.trust.validate.residual_tests import white_part
 
 CHANCE = 0.01  # that anything is named where nothing is missing
 LEAST = 0.01  # of the mean square: less is not worth a change of the model

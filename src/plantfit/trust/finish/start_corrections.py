@@ -12,11 +12,13 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.descent import Descent, descent
 from plantfit.trust.intervals.first_values import ValueEffect, is_scored, value_effects
 from plantfit.trust.intervals.linearised import named_blocks
-from plantfit.trust.validate.residual_tests import white_part
+
+Key = tuple[str, str]  # recording and output
 
 LARGEST = 5.0  # times the sample-to-sample noise that a first value may be off; more is no noise, and the start stays where it was measured
 TAKEN_UP = 0.01  # of what a first value does to the residuals, below which the parameters do it all
@@ -26,47 +28,64 @@ ROUNDS, ENDED = 5, 1e-3  # of estimates, and standard deviations of the noise th
 def with_start_corrections(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
     """The problem whose states begin at first measured values less their noise, and the search gone on there from where it stood (`last`).
 
-    A first value that is not scored (`skip`) counts as a sample of the noise that the others have. Both stay as they were where states
-    begin elsewhere, where a first value would be off by more than noise can be, and where the cost is not lower.
+    A first value that is not scored (`skip`) counts as a sample of the noise that the others have. One that would be off by more than
+    noise can be stays where it was measured. Problem and search stay as they were where states begin elsewhere, and where the cost is
+    not lower.
     """
-    used = _noises(problem, last.z)
-    if used is None:
+    noises = _noises(problem, last.z)
+    if not noises:
         return problem, last
-    made, end = problem.with_starts({n: dict.fromkeys(own, 0.0) for n, own in used.items()}), last
-    effects = _open(made, end.z)
-    if not effects:
-        return problem, last
-    made = made.with_starts({n: {e.output: 0.0 for e in effects if e.recording == n} for n in used})
+    effects = _open(problem.with_starts(_table(dict.fromkeys(noises, 0.0))), last.z)
+    while effects:
+        made, end, far = _estimated(problem, last, effects, noises)
+        if not far:
+            return (made, end) if end.cost < last.cost else (problem, last)
+        effects = [e for e in effects if (e.recording, e.output) not in far]
+    return problem, last
+
+
+def _estimated(
+    problem: Problem, last: Descent, effects: Sequence[ValueEffect], noises: Mapping[Key, float]
+) -> tuple[Problem, Descent, list[Key]]:
+    """The problem with the starts that the `effects` are of estimated, the search gone on there, and those starts that are too far off."""
+    starts = {(e.recording, e.output): 0.0 for e in effects}
+    made, end = problem.with_starts(_table(starts)), last
     for _ in range(ROUNDS):
-        times, moved = _step(made, end.z, effects, used)
-        starts = made.start_corrections
+        times, moved = _step(made, end.z, effects, noises)
         for effect, share in zip(effects, times, strict=True):
-            starts[effect.recording][effect.output] += float(share) * effect.noise
-        if any(not abs(v) <= LARGEST * used[n][o] for n, own in starts.items() for o, v in own.items()):
-            return problem, last
-        made = made.with_starts(starts)
+            starts[effect.recording, effect.output] += float(share) * effect.noise
+        if far := [k for k, v in starts.items() if not abs(v) <= LARGEST * noises[k]]:
+            return made, end, far
+        made = made.with_starts(_table(starts))
         end = descent(made, np.clip(end.z + moved, 0.0, 1.0))
         if np.max(np.abs(times)) <= ENDED:
             break
         effects = _effects(made, end.z)
-    return (made, end) if end.cost < last.cost else (problem, last)
+    return made, end, []
 
 
-def _noises(problem: Problem, z: np.ndarray) -> Mapping[str, Mapping[str, float]] | None:
-    """By recording and output the sample-to-sample noise of outputs that states begin at; None where it cannot be estimated."""
-    if problem.start_corrections or not problem.in_time:
-        return None
+def _table(found: Mapping[Key, float]) -> dict[str, dict[str, float]]:
+    """The same by recording and then by output."""
+    rows: dict[str, dict[str, float]] = {}
+    for (name, output), value in found.items():
+        rows.setdefault(name, {})[output] = value
+    return rows
+
+
+def _noises(problem: Problem, z: np.ndarray) -> dict[Key, float]:
+    """The sample-to-sample noise of outputs that states begin at, where it can be told, in the output's unit."""
+    if problem.start_corrections:
+        return {}
     rows = {(name, output): block.rows for name, output, block in named_blocks(problem)}
     residuals = residuals_and_jacobian(problem.unsmoothed, z)[0]
-    found: dict[str, dict[str, float]] = {}
+    found: dict[Key, float] = {}
     for effect in _effects(problem, z):
-        name, output = effect.recording, effect.output
+        key = name, output = effect.recording, effect.output
         weight = 1.0 if problem.weights is None else float(problem.weights[name])
-        noise = white_part(residuals[rows[name, output]]) * float(problem.scales[output]) / np.sqrt(weight)
-        if not noise > 0:
-            return None
-        found.setdefault(name, {})[output] = noise
-    return found or None
+        noise = white_part(residuals[rows[key]]) * float(problem.scales[output]) / np.sqrt(weight)
+        if noise > 0:
+            found[key] = noise
+    return found
 
 
 def _effects(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
@@ -91,9 +110,7 @@ def _beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=1e-12)[0]
 
 
-def _step(
-    problem: Problem, z: np.ndarray, effects: Sequence[ValueEffect], noises: Mapping[str, Mapping[str, float]]
-) -> tuple[np.ndarray, np.ndarray]:
+def _step(problem: Problem, z: np.ndarray, effects: Sequence[ValueEffect], noises: Mapping[Key, float]) -> tuple[np.ndarray, np.ndarray]:
     """Moves of the starts (k,), in standard deviations of their noise, and of the cube point (d,), to the minimum of the linear problem."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     columns = np.stack([e.column for e in effects], axis=1)
@@ -104,7 +121,7 @@ def _step(
     size = float(np.sqrt(np.mean(residuals**2)))
     for k, e in enumerate(effects):
         if not is_scored(problem, e):
-            noise, row = noises[e.recording][e.output], np.zeros((1, len(effects)))
+            noise, row = noises[e.recording, e.output], np.zeros((1, len(effects)))
             row[0, k] = size * e.noise / noise
             residuals = np.r_[residuals, size * problem.start_corrections[e.recording][e.output] / noise]
             jacobian, columns = np.vstack([jacobian, np.zeros((1, len(z)))]), np.vstack([columns, row])

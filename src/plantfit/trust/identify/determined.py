@@ -10,9 +10,9 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
-from plantfit.models.extensions import parameter_name
 from plantfit.models.remade import takes
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.first_values import start_parameters
 from plantfit.trust.intervals.ranges import Linear, Range
 
 ROUGH = 0.25  # standard error over the value from which on something is only roughly known
@@ -95,13 +95,13 @@ def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[
 
 def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]) -> FirstValues | None:
     """The parameter whose interval noise in measured initial values makes wider by the largest factor, if by much."""
-    if problem.start_corrections:
-        return None  # estimated beside the parameters, as free starts would be
     names = problem.space.names
-    told = {parameter_name("start", s) for s in getattr(problem.model, "states", ())}  # their values count from the measured ones
+    if not np.any(linear.begun >= WIDER):
+        return None
+    starts = start_parameters(problem, linear.values)  # what these are counts from the measured value
     known = [
         i for i, (n, c) in enumerate(zip(names, problem.space.coordinates, strict=True))
-        if status[n] in ("determined", "weak") and c.parameter not in told
+        if status[n] in ("determined", "weak") and c.parameter not in starts
     ]  # fmt: skip
     widest = max(known, key=lambda i: linear.begun[i], default=None)
     if widest is None or linear.begun[widest] < WIDER:

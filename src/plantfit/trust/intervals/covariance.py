@@ -224,11 +224,7 @@ def covariance(
     smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
     before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))
     bread = np.linalg.inv(hessian + before)
-    if begins is not None and begins.estimated.shape[1]:
-        spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins)
-    else:
-        spread = sandwich(j, residuals, blocks, bread, before, variance, degrees, robust)
-    spread = spread + begun(j, bread, variance, begins)
+    spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins) + begun(j, bread, variance, begins)
     if prior is not None:
         result[np.ix_(active, active)] = 0.5 * (spread + spread.T)
         return result
@@ -254,9 +250,11 @@ def beside_starts(
     variance: float,
     degrees: int,
     robust: bool,
-    begins: Begins,
+    begins: Begins | None,
 ) -> np.ndarray:
-    """As `sandwich`, with starts that were estimated beside the parameters: those are part of the estimates, and not told."""
+    """As `sandwich`, with starts that were estimated beside the parameters, if any: those are part of the estimates, and not told."""
+    if begins is None or not begins.estimated.shape[1]:
+        return sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust)
     d, columns = j.shape[1], begins.estimated
     cross, own = j.T @ columns / variance, columns.T @ columns / variance + np.diag(begins.known)
     moved = bread @ cross

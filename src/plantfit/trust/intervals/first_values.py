@@ -87,6 +87,22 @@ def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
     return found
 
 
+def start_parameters(problem: Problem, values: np.ndarray) -> set[str]:
+    """Parameters that enter the states at the start, at values (d,) in their units, by the first recordings."""
+    if not problem.predictor.has_steps:
+        return set()
+    simulator, found = problem.predictor.stepping(), set()
+    moving = [(n, d) for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
+    for name, drive in moving[:LOOKED_AT]:
+        p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
+        for parameter in problem.space.parameters:
+            other = {**p, parameter: p[parameter] + 1e-3 * np.abs(p[parameter]) + 1e-6}
+            begin, moved = (simulator.initial(own, drive.first_input, drive.first_output) for own in (p, other))
+            if any(float(a) != float(b) for a, b in zip(begin, moved, strict=True)):
+                found.add(parameter)
+    return found
+
+
 def _noise(here: np.ndarray, rows: slice, problem: Problem, name: str, output: str) -> float:
     """Standard deviation of the noise of an output in one recording, in its unit."""
     free = max(1.0, len(here) - problem.space.dimension)

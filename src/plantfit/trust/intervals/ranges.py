@@ -13,7 +13,7 @@ from plantfit.problem.measure.long_run import first_correlation, most_memory, un
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.intervals.at_limits import limit_factors
-from plantfit.trust.intervals.covariance import Begins, Block, begun, beside_starts, known_variance, own_student, rounding, sandwich
+from plantfit.trust.intervals.covariance import Begins, Block, begun, beside_starts, known_variance, own_student, rounding
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -33,7 +33,7 @@ class Linear:
     `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the covariance of x by
     the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the sum may grow by.
     `samples`: how many independent ones the residuals are worth; not `sound` where these are too few for intervals that hold.
-    `begun` (d,): how many times as large standard errors are because states begin at measured values, which have noise.
+    `begun` (d,): how many times as large standard errors are because states begin at measured values whose noise is not estimated.
     Where some direction is open, rows of `turn` (d, d) are principal directions, and `turned` (d, d) is the covariance along them.
     """
 
@@ -131,21 +131,15 @@ def linear_problem(
     rest = np.concatenate([small[:, -1], np.zeros(len(at))])
     _, singular, right = np.linalg.svd(rows, full_matrices=False)
     bread = (right.T / singular**2) @ right
-    own = sandwich(j, residuals, blocks, bread, np.eye(len(at)) / FAR**2, variance, free, robust)
+    prior = np.eye(len(at)) / FAR**2
     # along principal directions: by the parameters, of which open directions make `bread` large, it would be rounding
     along = np.diag(1.0 / singular**2)
-    estimated = begins is not None and begins.estimated.shape[1] > 0
-    turned, prior = begun(j @ right.T, along, variance, begins), np.eye(len(at)) / FAR**2
-    spread = right.T @ turned @ right
-    if begins is not None and estimated:
-        spread = spread + beside_starts(j, residuals, blocks, bread, prior, variance, free, robust, begins)
-    else:
-        spread = spread + own
+    turned = begun(j @ right.T, along, variance, begins)
+    own = beside_starts(j, residuals, blocks, bread, prior, variance, free, robust, begins)
+    spread = own + right.T @ turned @ right
     loose = bool(len(at)) and float(singular[-1]) < 1.0 / LOOSE
-    if loose and begins is not None and estimated:
+    if loose:
         turned = turned + beside_starts(j @ right.T, residuals, blocks, along, prior, variance, free, robust, begins)
-    elif loose:
-        turned = turned + sandwich(j @ right.T, residuals, blocks, along, prior, variance, free, robust)
     samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
     sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
     degrees = samples - len(at)

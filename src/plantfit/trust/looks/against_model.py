@@ -12,12 +12,12 @@ from plantfit import units
 from plantfit.models.model import Model
 from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.measure.experiment import Experiment, before_in_units
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
 from plantfit.trust.looks.input_steps import input_steps, misread
-from plantfit.trust.validate.residual_tests import white_part
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests

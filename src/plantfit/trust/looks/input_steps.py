@@ -8,10 +8,10 @@ import numpy as np
 
 from plantfit.models.model import Model
 from plantfit.problem.measure.experiment import Experiment
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.recording.looks.rounded import rounded_step
-from plantfit.trust.validate.residual_tests import white_part
 
 HEARD = 0.3  # times the noise of an output, from which on steps are spoken of before a fit
 

@@ -106,14 +106,3 @@ def measured_rows(residuals: np.ndarray) -> np.ndarray:
     there = np.isfinite(residuals)
     beside = np.sum(there[1:] & there[:-1])
     return np.flatnonzero(there) if beside < 0.5 * there.sum() else np.arange(len(residuals))
-
-
-def white_part(residuals: np.ndarray) -> float:
-    """Standard deviation of the part of the residual that changes from sample to sample.
-
-    From second differences (von Neumann's idea of 1941 taken to second order); an estimate of
-    measurement noise that slow model errors do not raise.
-    """
-    second = np.diff(residuals, 2)
-    second = second[np.isfinite(second)]
-    return float(np.sqrt(np.mean(second**2) / 6.0)) if len(second) else float("nan")

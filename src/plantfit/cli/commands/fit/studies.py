@@ -31,9 +31,8 @@ def run(
         if len(paths) > 1:
             raise SpecError("--try changes one study file; give one, or run the others by themselves.")
         from plantfit.cli.commands.understand.diagnose import added
-        from plantfit.cli.commands.understand.diagnose import shown as named
 
-        paths = [named(added(paths[0], additions, json))]
+        paths = [added(paths[0], additions, json)]
         if not json:
             out.print(f"Runs {paths[0]}, the study file with {' and '.join(additions)}.", markup=False)
     if pieces is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name
+from plantfit.cli.arguments.written_beside import shown, write, written_beside
 from plantfit.cli.commands.begin.check import say_looks
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import out, print_json, progress_line, said_line, verdict
@@ -52,9 +53,9 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
 
 
-def added(path: str, names: Sequence[str], json: bool) -> Path:
-    """The study file with these additions, written beside `path` as `plantfit diagnose --try` does; one that is there is kept if it says
-    the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file in its place."""
+def added(path: str, names: Sequence[str], json: bool) -> str:
+    """The study file with these additions, named from here, written beside `path` as `plantfit diagnose --try` does; one that is there is
+    kept if it says the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file there."""
     from plantfit import spec
     from plantfit.trust.diagnosis import asked_changes, clean_steps
 
@@ -63,13 +64,7 @@ def added(path: str, names: Sequence[str], json: bool) -> Path:
     if not all(r.trials for r in found.rounds):
         raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
     changes, clean = asked_changes(found), clean_steps(found)
-    text, target = _text(study, changes, clean), _target(study, changes, bool(clean))
-    if not target.exists():
-        _write(target, text)
-    elif target.read_text(encoding="utf-8", errors="replace") != text:
-        run = f"plantfit run {shlex.quote(shown(target))}"
-        raise SpecError(f"{shown(target)!r} exists already and says something else; run it with `{run}`, or move it away.")
-    return target
+    return written_beside(_target(study, changes, bool(clean)), _text(study, changes, clean))
 
 
 def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
@@ -107,7 +102,7 @@ def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool,
     if target.exists() and not force:
         raise SpecError(f"{str(target)!r} exists already; give another name with --out, or --force to overwrite it.")
     text = _text(study, changes, clean)
-    _write(target, text)
+    write(target, text, "give another place with --out")
     return {
         "write": addition_lines(changes),
         "file": shown(target),
@@ -121,18 +116,6 @@ def _text(study: "Study", changes: "Sequence[Change]", clean: Mapping[str, Any])
     from plantfit.spec import with_additions
 
     return with_additions(study.text, study.path, changes, clean, f"{study.name} with {' and '.join(_parts(changes, bool(clean)))}")
-
-
-def _write(target: Path, text: str) -> None:
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SpecError(f"{str(target)!r} cannot be written ({error.strerror}); give another place with --out.") from None
-
-
-def shown(target: Path) -> str:
-    """A file as a command would name it from here."""
-    return str(target.relative_to(Path.cwd()) if target.is_absolute() and target.is_relative_to(Path.cwd()) else target)
 
 
 def _target(study: "Study", changes: "Sequence[Change]", clean: bool) -> Path:
